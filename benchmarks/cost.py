@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks._rows import middle, timed
 from benchmarks._structures import CANDIDATES, simulated_levels, structures
-from damping.extrapolation.near import plan_loads
+from damping.extrapolation.plan import plan_loads
 from damping.infer.balanced import Balanced
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations

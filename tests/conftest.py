@@ -588,7 +588,7 @@ def few_laws(few_draws: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three laws to rank and to predict with, few draws and six effects: where they are not what is tested."""
     for module in ("api", "campaign.answer"):
         monkeypatch.setattr(f"damping.{module}.candidate_laws", lambda *_: list(LAWS))
-    monkeypatch.setattr("damping.extrapolation.judged.resonant_laws", lambda *_: list(LAWS))
+    monkeypatch.setattr("damping.extrapolation.plan.resonant_laws", lambda *_: list(LAWS))
     monkeypatch.setattr("damping_pipelines.fleet.analyse.candidate_laws", lambda *_: list(LAWS))
     monkeypatch.setattr("damping.extrapolation.resonant_laws", lambda *_: list(LAWS))
     for choose in ("candidate_laws", "resonant_laws"):

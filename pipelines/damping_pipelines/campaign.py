@@ -142,11 +142,9 @@ def _read_design(word: str) -> tuple[DesignLevel, str]:
 
 def _require_units(texts: Sequence[str], drive: str) -> None:
     """InputError for design levels in another unit than the drive."""
-    wrong = next(
-        (text for text in texts if text not in ("", drive) and drive and not unit(text).agrees_with(unit(drive))), None
-    )
-    if wrong is not None:
-        raise InputError(f"--design in {wrong}", expected=f"levels in {drive}, the unit of the drive")
+    for text in texts:
+        if text not in ("", drive) and drive and not unit(text).agrees_with(unit(drive)):
+            raise InputError(f"--design in {text}", expected=f"levels in {drive}, the unit of the drive")
 
 
 def _read_predictions(path: Path) -> list[SensorPrediction]:

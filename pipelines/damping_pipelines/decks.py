@@ -28,7 +28,7 @@ from unicodedata import combining, normalize
 import numpy as np
 
 from damping.errors import AnalysisError, InputError
-from damping.extrapolation.near import ROUNDING
+from damping.extrapolation.plan import ROUNDING
 from damping.extrapolation.prediction import REFUSAL
 from damping.formats.quantity import find_powers
 from damping.formats.quantity import unit as named_unit
@@ -227,15 +227,17 @@ def _as_point(mode: str, row: DampedRow) -> Point | None:
 
 @dataclass(frozen=True)
 class Coefficients:
-    """c1 (``linear``) and c2 (``quadratic``) of one mode at one bound, and their largest error.
-
-    Coefficients, and ``equivalent``, are in N, m and s if the form names its units.
+    """c1 and c2 of one mode at one bound, and their largest error; in N, m and s if the form names its units.
 
     Attributes:
-        miss: their damping over that of the form, less 1, at the level of the largest error; ``force`` there.
-        equivalent: F/(omega A) of the form there, the c1 that alone would fit that level. falls: whether F/(omega A)
-            is smaller at the largest amplitude than at the smallest.
-        unit: of forces. alone: whether there is only one level, at which any ratio of the two fits.
+        linear: c1.
+        quadratic: c2.
+        miss: their damping over that of the form, less 1, at the level of the largest error.
+        force: there.
+        equivalent: F/(omega A) of the form there, the c1 that alone would fit that level.
+        falls: whether F/(omega A) is smaller at the largest amplitude than at the smallest.
+        unit: of forces.
+        alone: whether there is only one level, at which any ratio of the two fits.
     """
 
     linear: float
@@ -250,9 +252,8 @@ class Coefficients:
     def __str__(self) -> str:
         at = f"{self.force:g} {self.unit}".rstrip()
         if self.alone:
-            return (
-                f"one level (force {at}) does not separate linear from quadratic damping: right only at its amplitude"
-            )
+            inseparable = f"one level (force {at}) does not separate linear from quadratic damping"
+            return f"{inseparable}: right only at its amplitude"
         text = f"differs from the damping of the form by up to {100.0 * abs(self.miss):.2g} % (at force {at}"
         if abs(self.miss) <= MOST_MISFIT:
             return f"{text})"

@@ -192,9 +192,8 @@ def _tabulate_ranking(form: RankForm) -> pd.DataFrame:
         for force, parameter, value in parameters or [("", "", ParameterForm())]:
             part = {"force": force, "parameter": parameter, **value.model_dump()}
             rows.append({**whole, **part, "cautions": "; ".join(model.cautions)})
-    return _tabulate_typed(pd.DataFrame(rows), ("model", "force", "parameter", "cautions")).assign(
-        criterion=form.criterion
-    )
+    table = _tabulate_typed(pd.DataFrame(rows), ("model", "force", "parameter", "cautions"))
+    return table.assign(criterion=form.criterion)
 
 
 def _tabulate_loads(form: LoadsForm) -> pd.DataFrame:

@@ -5,14 +5,7 @@ from pathlib import Path
 from damping.errors import AnalysisError, InputError, list_nearest
 from damping.records.mode import Units
 from damping.records.text import read_bytes
-from damping_pipelines.forms import (
-    MAX_FORM_SIZE,
-    DampedRow,
-    DampingForm,
-    StudyForm,
-    StudyRecordForm,
-    read_form,
-)
+from damping_pipelines.forms import MAX_FORM_SIZE, DampedRow, DampingForm, StudyForm, StudyRecordForm, read_form
 from damping_pipelines.manifest import Folder, open_folder
 
 STUDY = "summary.json"  #: the output that tells a study
@@ -46,9 +39,8 @@ def read_damping(source: Path, record: str | None = None) -> tuple[DampingForm, 
         form, content = read_study(folder)
         return _take_record(_find_record(form, record, source), source), content
     if record is not None:
-        raise InputError(
-            f"--record {record!r} beside a {'campaign' if folder else 'file'}", expected="--record of a study"
-        )
+        beside = "campaign" if folder else "file"
+        raise InputError(f"--record {record!r} beside a {beside}", expected="--record of a study")
     content = folder.read(CAMPAIGN) if folder else read_bytes(source, MAX_FORM_SIZE)
     return read_form(DampingForm, content, source / CAMPAIGN if folder else source, _DAMPING), content
 

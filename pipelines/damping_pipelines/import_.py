@@ -19,7 +19,8 @@ from damping.formats.steady import steady_record
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE
-from damping.signals.ringdown import PERIODS, Decay, ring_down
+from damping.signals.ringdown import Decay, ring_down
+from damping.signals.windows import PERIODS
 from damping_pipelines.store import check_outputs, write_json, write_text
 from damping_pipelines.terminal import PlainTable, console, parse_number, parse_pairs, report_findings
 
@@ -138,9 +139,9 @@ def pair_parts(starts: Sequence[float], ends: Sequence[float]) -> list[Part]:
         raise InputError(f"{len(starts)} times --start and {len(ends)} times --end", expected=expected)
     parts = list(zip_longest(starts, ends)) or [(None, None)]
     times = [time for part in parts for time in part if time is not None]
-    wrong = next((pair for pair in pairwise(times) if not pair[0] <= pair[1]), None)
-    if wrong or any(start == end is not None for start, end in parts):
-        before, after = wrong or times[:2]
+    wrong = [pair for pair in pairwise(times) if not pair[0] <= pair[1]]
+    wrong += [(start, end) for start, end in parts if start is not None and start == end]
+    for before, after in wrong[:1]:
         raise InputError(f"--start and --end: {before:g} s before {after:g} s", expected="rising, each part for itself")
     return parts
 

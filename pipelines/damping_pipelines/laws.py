@@ -106,10 +106,8 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
     for c, row in shown:
         rank_text = "-" if c.rank is None else str(c.rank)
         fitted, held_out = ("< 0.01" if value < SMALL else number(value, 3) for value in row[:2])
-        equal = str(len(c.equivalents) or "")
-        table.add_row(
-            *(rank_text, c.name, f"{c.weight:.3f}", fitted, held_out, f"{row[2]:.2f}", equal, notes.numbers(c.cautions))
-        )
+        weighed = (f"{c.weight:.3f}", fitted, held_out, f"{row[2]:.2f}", str(len(c.equivalents) or ""))
+        table.add_row(rank_text, c.name, *weighed, notes.numbers(c.cautions))
     out.print(table)
     out.print(_tabulate_coefficients([c for c, _ in shown[:MOST_LAWS]], mode.units))
     rest = len(result) - len(shown)

@@ -70,9 +70,8 @@ class Folder:
             raise InputError("is a link", file=path, expected="the file that the run wrote")
         content = read_bytes(path, _MOST_FILE)
         if digest(content) != self.manifest.outputs[name]:
-            raise InputError(
-                "is not from the run of the manifest", file=path, expected="files of one run; run it again"
-            )
+            expected = "files of one run; run it again"
+            raise InputError("is not from the run of the manifest", file=path, expected=expected)
         return content
 
 
@@ -157,9 +156,8 @@ def refuse_foreign(folder: Path, names: Collection[str], inputs: Iterable[Path] 
         if name not in ours and os.path.lexists(path):
             raise InputError("is no result of an earlier run", file=path, expected="another --out, or that file moved")
     if not ours and os.path.lexists(folder / MANIFEST):
-        raise InputError(
-            "is no manifest of damping", file=folder / MANIFEST, expected="another --out, or that file moved"
-        )
+        expected = "another --out, or that file moved"
+        raise InputError("is no manifest of damping", file=folder / MANIFEST, expected=expected)
 
 
 def _find_command(names: Collection[str]) -> str | None:

@@ -1,6 +1,5 @@
 """``damping study``: rank, sample, extrapolate, report. Everything is computed before the first file is written."""
 
-import gc
 import sys
 from collections.abc import Collection, Iterable
 from concurrent.futures import Executor, Future, as_completed
@@ -21,8 +20,7 @@ from damping.extrapolation.curve import (
     trace_loads,
 )
 from damping.extrapolation.draws import LEAST_WEIGHT, Member, amplitude_draws
-from damping.extrapolation.judged import judge_rows
-from damping.extrapolation.near import Plan, plan_loads
+from damping.extrapolation.plan import Plan, judge_rows, plan_loads
 from damping.extrapolation.prepared import PreparedRecord, prepare_record
 from damping.infer.checks import inference_data, leave_one_out, predictive_check
 from damping.infer.evidence import Estimate, evidence, remember
@@ -36,7 +34,7 @@ from damping.records.reading import read_record
 from damping.records.text import AGREED, Disagreement
 from damping.regression.fit import PowerLaw, fit_power_law
 from damping.report.results import LawPosterior, RecordResult, StudyResult
-from damping_pipelines import COLLECT_DRAWN, give_back_memory, start_pool
+from damping_pipelines import collect_drawn, give_back_memory, start_pool
 from damping_pipelines import study_files as files
 from damping_pipelines.manifest import digest_file, refuse_foreign, sole_writer, versions
 from damping_pipelines.terminal import progress, report_findings
@@ -77,7 +75,6 @@ def run_study(
     despite: Collection[str] = (),
 ) -> None:
     """Run a study and write its results; earlier results stay as they were if anything fails."""
-    gc.set_threshold(COLLECT_DRAWN)
     path = settings_file or files.default_study()
     settings = files.read_settings(path)
     if seed is not None:
@@ -111,7 +108,8 @@ def compute(settings: files.StudySettings, inputs: list[Input], digests: dict[st
         rankings, predicted = _weigh(pool, settings, inputs)
         started = [files.source_report().start(pool, settings.seed)] if settings.source_report else []
         sampled = _sample(pool, list(_tasks(settings, inputs, rankings)))
-        give_back_memory()  # before all that is drawn
+        give_back_memory()
+        collect_drawn()  # from here on
         records = tuple(
             _record_result(record, rankings[k], predicted[k], tuple(law for task, law in sampled if task.number == k))
             for k, record in enumerate(inputs)
@@ -129,12 +127,10 @@ def _weigh(
     estimate = remember(evidence)
     laws = [candidate_laws(map(Law, record.settings.laws)) for record in inputs]
     with progress("ranking", sum(map(len, laws))) as done:
-        rankings = [
-            rank_laws(
-                record.prepared.all_rows, settings.seed, candidates, _prefixed(done, record.settings.name), estimate
-            )
-            for record, candidates in zip(inputs, laws, strict=True)
-        ]
+        rankings = []
+        for record, candidates in zip(inputs, laws, strict=True):
+            advance = _prefixed(done, record.settings.name)
+            rankings.append(rank_laws(record.prepared.all_rows, settings.seed, candidates, advance, estimate))
     plans = zip(inputs, rankings, _plan(inputs, settings.seed, estimate), strict=True)
     return rankings, [pool.submit(predict_record, *own, settings.level, settings.seed) for own in plans]
 

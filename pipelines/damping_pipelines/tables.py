@@ -93,9 +93,8 @@ def run_regress(
     results = list[RegressionResult]()
     for path, table in tables:
         try:
-            results += [
-                damping.regress(table, response=names[0], terms=curve, source=str(path), **choice) for curve in curves
-            ]
+            for curve in curves:
+                results.append(damping.regress(table, response=names[0], terms=curve, source=str(path), **choice))
         except AnalysisError as error:
             raise AnalysisError(f"{path}: {error}") from error
     return results

@@ -16,6 +16,7 @@ from damping.plots import identifier
 from damping.ranking import Ranking
 from damping.report.page import Heading, Link, Links, Section, Text
 from damping.report.results import Exhibit, FurtherPage
+from damping_pipelines import give_back_memory
 from damping_pipelines.study_files import to_netcdf
 from damping_pipelines.terminal import progress
 from damping_reed1970 import CLOSE, LABELS, ReportPart, chapter_of, data_folder, load_text
@@ -66,12 +67,13 @@ def start(pool: Executor, seed: int) -> StartedReport:
 def _sample_chapter_3(seed: int) -> tuple[Chapter3, dict[str, bytes]]:
     """Chapter III, and its sampled planar posteriors as netCDF by file."""
     results = chapter_3_results(seed)
-    posteriors = {
-        f"chapter-3--{identifier(f'{data}-{variant}')}": describe_draws(data, variant, posterior)
-        for (data, variant), posterior in results.posteriors.items()
-        if posterior.chains
+    sampled = {key: posterior for key, posterior in results.posteriors.items() if posterior.chains}
+    give_back_memory()  # before ArviZ is loaded: the largest moment of a study
+    files = {
+        f"chapter-3--{identifier('-'.join(key))}": to_netcdf(describe_draws(*key, posterior))
+        for key, posterior in sampled.items()
     }
-    return results, {name: to_netcdf(groups) for name, groups in posteriors.items()}
+    return replace(results, posteriors=sampled), files  # the tables hold what is needed of the others
 
 
 def exhibit(results: ReportResults, posteriors: Mapping[str, bytes]) -> Exhibit:

@@ -39,22 +39,19 @@ MODES = (1, 2)
 
 @dataclass(frozen=True)
 class Studies:
-    """Results of the chapters.
+    """Results of the chapters."""
 
-    ``loops, slip``: section 2.4. ``lines``: section 4.1, a mode each. ``curves``: section 4.2. ``levels``: Tables 4.IV
-    and 4.V by mode and what is held (``xi``, ``coefficient``). ``force_lines``: section 4.3. The others: chapter V.
-    """
-
-    loops: HysteresisLoops
-    slip: SlipEquivalent
-    lines: tuple[SweepLines, ...]
-    curves: AmplitudeFrequency
+    loops: HysteresisLoops  #: section 2.4
+    slip: SlipEquivalent  #: section 2.4
+    lines: tuple[SweepLines, ...]  #: section 4.1, a mode each
+    curves: AmplitudeFrequency  #: section 4.2
+    #: Tables 4.IV and 4.V by mode and what is held (``xi``, ``coefficient``)
     levels: dict[tuple[int, str], LevelMethods]
-    force_lines: tuple[SweepLines, ...]
-    nine: Mapping[str, pd.DataFrame]
-    false: FalseTerms
-    circular: Circularity
-    surface: EnergySurface
+    force_lines: tuple[SweepLines, ...]  #: section 4.3
+    nine: Mapping[str, pd.DataFrame]  #: chapter V
+    false: FalseTerms  #: chapter V
+    circular: Circularity  #: chapter V
+    surface: EnergySurface  #: chapter V
 
     def tables(self, chapter: int | None = None) -> dict[str, pd.DataFrame]:
         """Tidy tables by name, of a chapter or all."""

@@ -26,7 +26,7 @@ from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations, at_resonance
 from damping.predict.steady import resonant_amplitude
 from damping.records.mode import Mode
-from damping_validation.truths import OMEGA, Truth, draw_truth, peaks, sweeps
+from damping_validation.truths import OMEGA, Truth, draw_truth, log_uniform, peaks, sweeps
 
 #: Forces predicted, relative to the largest tested one.
 RATIOS = (1.5, 2.0, 4.0)
@@ -75,26 +75,20 @@ _RANGE = 100.0
 
 @dataclass(frozen=True)
 class Coverage:
-    """One trial of the bands; arrays over ``RATIOS``.
+    """One trial of the bands; arrays over ``RATIOS``."""
 
-    ``levels``, ``span``, ``noise``: as drawn. ``winner``: law of largest weight; ``true``: whether it is the law of the
-    structure. ``ratio``: force over the largest tested one. ``refused``: no prediction. ``above``, ``below``: whether
-    the next test lies beyond that end. ``width``: ln(high/low). ``oracle``: the width with the true form known, NaN if
-    the library does not have it. ``error``: ln(median/true amplitude).
-    """
-
-    levels: int
-    span: float
-    noise: float
-    winner: str
-    true: bool
-    ratio: FloatArray
-    refused: BoolArray
-    above: BoolArray
-    below: BoolArray
-    width: FloatArray
-    oracle: FloatArray
-    error: FloatArray
+    levels: int  #: tested
+    span: float  #: largest over smallest tested force
+    noise: float  #: standard deviation of ln A
+    winner: str  #: law of largest weight
+    true: bool  #: whether it is the law of the structure
+    ratio: FloatArray  #: force over the largest tested one
+    refused: BoolArray  #: no prediction
+    above: BoolArray  #: whether the next test lies above the band
+    below: BoolArray  #: whether it lies below
+    width: FloatArray  #: ln(high/low)
+    oracle: FloatArray  #: the width with the true form known, NaN if the library does not have it
+    error: FloatArray  #: ln(median/true amplitude)
 
 
 def coverage_trial(name: str, way: str, seed: int, laws: Sequence[Law] | None = None) -> Coverage:
@@ -105,7 +99,7 @@ def coverage_trial(name: str, way: str, seed: int, laws: Sequence[Law] | None = 
     rng = np.random.default_rng(seed)
     truth = draw_truth(name, rng)
     levels = int(rng.integers(LEVELS[0], LEVELS[1] + 1))
-    span, noise = (float(np.exp(rng.uniform(*np.log(bounds)))) for bounds in (SPANS, NOISES))
+    span, noise = log_uniform(rng, *SPANS), log_uniform(rng, *NOISES)
     tested = np.geomspace(span**-0.5, span**0.5, levels)
     swept = rng.random() < SWEPT_SHARE
     read = truth.amplitude(tested) * np.exp(noise * rng.standard_normal(levels))
@@ -139,7 +133,7 @@ def coverage_trial(name: str, way: str, seed: int, laws: Sequence[Law] | None = 
 
 def _read_frequencies(data: Observations, truth: Truth, rng: np.random.Generator) -> Observations:
     """The same with the resonance frequency of each level as it is read, or with one for all."""
-    noise = np.exp(rng.uniform(*np.log(FREQUENCY_NOISES)))
+    noise = log_uniform(rng, *FREQUENCY_NOISES)
     omega = truth.omega(truth.amplitude(data.tested_force)) * np.exp(noise * rng.standard_normal(len(data.A)))
     return data if rng.random() < ONE_FREQUENCY else replace(data, omega=omega, tested_omega=omega)
 

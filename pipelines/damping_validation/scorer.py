@@ -23,13 +23,7 @@ _CLOSE = 1e-6  # of a frequency: rounding in an answer
 
 @dataclass(frozen=True)
 class Verdict:
-    """A case and its answer.
-
-    ``leading``: explanation (None where the diagnosis failed), ``probability`` of it, ``listed`` are the
-    explanations that reach 0.95, ``flagged`` whether the answer doubts itself. ``held_out`` is the held-out
-    shrinkage, ``iou`` the overlap of the footprint with the cells truly altered, both None where there is none.
-    ``of_rig``: nothing but the rig is at fault, or nothing at all; ``accuses``: a part of the structure is blamed.
-    """
+    """A case and its answer."""
 
     name: str
     family: str
@@ -38,16 +32,16 @@ class Verdict:
     gap: float
     rows: int
     true: frozenset[str]
-    leading: frozenset[str] | None
-    probability: float
-    flagged: bool
-    listed: tuple[frozenset[str], ...]
+    leading: frozenset[str] | None  #: explanation, None where the diagnosis failed
+    probability: float  #: of it
+    flagged: bool  #: whether the answer doubts itself
+    listed: tuple[frozenset[str], ...]  #: the explanations that reach 0.95
     equivalents: tuple[frozenset[str], ...]
-    held_out: float | None
-    iou: float | None
+    held_out: float | None  #: held-out shrinkage, None where there is none
+    iou: float | None  #: overlap of the footprint with the cells truly altered, None where there is none
     cpu_seconds: float | None
-    of_rig: bool
-    accuses: bool
+    of_rig: bool  #: nothing but the rig is at fault, or nothing at all
+    accuses: bool  #: a part of the structure is blamed
 
     @property
     def right(self) -> bool:
@@ -147,23 +141,23 @@ _TYPICAL_ROWS = (120, 180)
 
 @dataclass(frozen=True)
 class Goal:
-    """At least ``low`` and at most ``high``; None where the figure has no goal."""
+    """A goal of a figure; none where both are None."""
 
-    low: float | None = None
-    high: float | None = None
+    low: float | None = None  #: at least
+    high: float | None = None  #: at most
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One row of the table: measured value (None without cases), its 95 % interval, cases, goal. ``share``: of 1."""
+    """One row of the table."""
 
     name: str
     goal: Goal
-    measured: float | None = None
-    low: float | None = None
-    high: float | None = None
+    measured: float | None = None  #: None without cases
+    low: float | None = None  #: end of its 95 % interval
+    high: float | None = None  #: the other end
     cases: int = 0
-    share: bool = True
+    share: bool = True  #: whether the value is a share of 1
 
     @property
     def met(self) -> bool | None:

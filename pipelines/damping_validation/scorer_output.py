@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
-from damping.plots import ALERT, INK, MUTED, TEXT_WIDTH, draw_plain_rows, styled, to_png, to_svg
+from damping.plots import ALERT, INK, MUTED, TEXT_WIDTH, build_panels, draw_plain_rows, styled, to_png, to_svg
 from damping.records.record import record_to_csv
 from damping.report.page import Block, FigureBlock, Footer, Table, render_page, write_sections
 from damping_pipelines import shipped_folder
@@ -153,8 +153,7 @@ def to_markdown(figures: Sequence[Figure]) -> str:
 def draw_table(figures: Sequence[Figure]) -> Drawing:
     """Measured shares with their intervals as points, goals as bands, one line for each figure."""
     shown = [figure for figure in figures if figure.share]
-    drawing = Drawing(figsize=(TEXT_WIDTH * 1.25, 0.8 + 0.24 * len(shown)))
-    axes = drawing.subplots()
+    drawing, axes = build_panels(0.8 + 0.24 * len(shown), 1, width=1.25 * TEXT_WIDTH)
     draw_plain_rows(axes, [f"{figure.name} ({figure.cases})" for figure in shown])
     for row, figure in enumerate(shown):
         goal = figure.goal
@@ -176,8 +175,7 @@ def draw_confusion(matrix: pd.DataFrame) -> Drawing:
     """Counts on a grid, shaded by their share of the row."""
     counts = matrix.to_numpy(float)
     share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
-    drawing = Drawing(figsize=(TEXT_WIDTH * 1.35, 1.9 + 0.22 * len(matrix)))
-    axes = drawing.subplots()
+    drawing, axes = build_panels(1.9 + 0.22 * len(matrix), 1, width=1.35 * TEXT_WIDTH)
     edges = [np.arange(size + 1) - 0.5 for size in share.T.shape]  # cells as shapes: a picture would blur when scaled
     axes.pcolormesh(*edges, share, cmap="Blues", vmin=0.0, vmax=1.0, edgecolors="white", linewidth=0.4)
     axes.invert_yaxis()

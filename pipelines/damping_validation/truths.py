@@ -44,16 +44,13 @@ Parts = dict[float, ComplexArray]
 
 @dataclass(frozen=True)
 class Truth:
-    """A structure drawn at random: ``log_C`` and ``log_omega`` at the table's ln A, generalized ``mass``.
-
-    ``law`` is its own in the library, if it has one.
-    """
+    """A structure drawn at random."""
 
     name: str
-    log_C: FloatArray
-    log_omega: FloatArray
-    mass: float
-    law: Law | None
+    log_C: FloatArray  #: at the table's ln A
+    log_omega: FloatArray  #: at the table's ln A
+    mass: float  #: generalized
+    law: Law | None  #: its own in the library, if it has one
 
     def amplitude(self, force: FloatArray) -> FloatArray:
         """Resonant amplitude at each force: the first A at which C rises through it; infinite where none does."""
@@ -64,6 +61,11 @@ class Truth:
     def omega(self, amplitude: FloatArray) -> FloatArray:
         """Frequency of the resonance at each amplitude, rad/s."""
         return np.asarray(np.exp(np.interp(np.log(amplitude), _TABLE, self.log_omega)))
+
+
+def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    """A number whose logarithm is uniform."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def _over_a_cycle(force: Callable[[FloatArray, FloatArray], FloatArray]) -> ComplexArray:
@@ -135,14 +137,9 @@ def _joint_with_memory(name: str, number: int) -> ComplexArray:
 def _with_memory(name: str, rng: np.random.Generator) -> Parts:
     """S + iC of a joint with a memory of one of six shapes, its limit of 1 moved by a shift of ln A."""
     joint = _joint_with_memory(name, int(rng.integers(6)))
-    moved = _TABLE - np.log(_draw(rng, 0.6, 6.0))
+    moved = _TABLE - np.log(log_uniform(rng, 0.6, 6.0))
     C = np.exp(np.interp(moved, _TABLE, np.log(np.maximum(joint.imag, 1e-300))))
     return {0.0: np.exp(moved) * np.interp(moved, _TABLE, joint.real / _A[:, 0]) + 1j * C}
-
-
-def _draw(rng: np.random.Generator, low: float, high: float) -> float:
-    """A number between two, its logarithm anywhere."""
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def _with_ratio(ratio: FloatArray) -> Parts:
@@ -182,17 +179,17 @@ TRUTHS: dict[str, Callable[[np.random.Generator], Parts]] = {
     ),
     "viscous + coulomb": lambda rng: _with_friction(rng, _velocity_power(1.0)),
     "velocity-power": lambda rng: _velocity_power(rng.uniform(0.6, 2.2)),
-    "viscous + slip": lambda rng: _mixed(rng, _velocity_power(1.0), _slip(_draw(rng, 0.2, 0.9))),
+    "viscous + slip": lambda rng: _mixed(rng, _velocity_power(1.0), _slip(log_uniform(rng, 0.2, 0.9))),
     "Iwan joint": lambda rng: _mixed(rng, _velocity_power(1.0), _with_memory("iwan", rng), least=0.3),
     "Bouc-Wen": lambda rng: _mixed(rng, _velocity_power(1.0), _with_memory("bouc-wen", rng), least=0.3),
-    "saturating": lambda rng: _with_ratio(1.0 + 1.0 / (_draw(rng, 0.3, 3.0) / _A + 1.0) * rng.uniform(0.5, 5.0)),
-    "falling": lambda rng: _with_ratio(1.0 + 1.0 / (1.0 + _A / _draw(rng, 0.3, 3.0)) * rng.uniform(0.3, 2.0)),
+    "saturating": lambda rng: _with_ratio(1.0 + 1.0 / (log_uniform(rng, 0.3, 3.0) / _A + 1.0) * rng.uniform(0.5, 5.0)),
+    "falling": lambda rng: _with_ratio(1.0 + 1.0 / (1.0 + _A / log_uniform(rng, 0.3, 3.0)) * rng.uniform(0.3, 2.0)),
     "growing": lambda rng: _with_ratio(1.0 + rng.uniform(0.3, 3.0) * _A ** rng.uniform(0.2, 0.8)),
     "two joints": lambda rng: _mixed(
-        rng, _velocity_power(1.0), _mixed(rng, _slip(_draw(rng, 0.1, 0.3)), _slip(_draw(rng, 0.3, 0.8)))
+        rng, _velocity_power(1.0), _mixed(rng, _slip(log_uniform(rng, 0.1, 0.3)), _slip(log_uniform(rng, 0.3, 0.8)))
     ),
     "friction, viscous and drag": lambda rng: _with_friction(rng, _velocity_power(1.0), _velocity_power(2.0)),
-    "drag and slip": lambda rng: _mixed(rng, _velocity_power(2.0), _slip(_draw(rng, 0.2, 0.9))),
+    "drag and slip": lambda rng: _mixed(rng, _velocity_power(2.0), _slip(log_uniform(rng, 0.2, 0.9))),
     "hardening": lambda rng: _mixed(
         rng, _velocity_power(1.0), {1.0: _over_a_cycle(lambda q, v: v * np.abs(q))}, _velocity_power(3.0), least=0.1
     ),
@@ -215,10 +212,10 @@ def draw_truth(name: str, rng: np.random.Generator) -> Truth:
 
 def _draw_resonance(stiffness: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, float]:
     """ln omega at the table, and the mass, of a structure whose joints have a ``stiffness`` S/A."""
-    ratio = _draw(rng, *RATIOS_OF_DAMPING)
+    ratio = log_uniform(rng, *RATIOS_OF_DAMPING)
     if stiffness[0] > 0.0:
         ratio = min(ratio, 0.5 * MOST_IN_JOINTS / stiffness[0])
-    spring = (rng.random() < WITH_SPRING) * rng.choice([-1.0, 1.0]) * _draw(rng, *SPRINGS)
+    spring = (rng.random() < WITH_SPRING) * rng.choice([-1.0, 1.0]) * log_uniform(rng, *SPRINGS)
     of_spring = MOST_BENT * np.tanh(2.0 * spring * (_A[:, 0] ** 2 - 1.0) / MOST_BENT)
     bent = 2.0 * ratio * (stiffness - np.interp(0.0, _TABLE, stiffness)) + of_spring
     return np.log(OMEGA) + 0.5 * np.log(np.maximum(1.0 + bent, 0.1)), float(0.5 / (ratio * OMEGA**2))

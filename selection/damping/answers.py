@@ -32,14 +32,11 @@ GRID = 60
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RankingResult(Result):
-    """Candidate damping laws of a record, best first, with the rows they were fitted to.
-
-    ``against``: where no law fits, how the diagnosis contradicts that.
-    """
+    """Candidate damping laws of a record, best first, with the rows they were fitted to."""
 
     ranking: Ranking
     prepared: PreparedRecord
-    against: Disagreement = AGREED
+    against: Disagreement = AGREED  #: where no law fits, how the diagnosis contradicts that
 
     @property
     def mode(self) -> Mode | None:
@@ -110,11 +107,11 @@ class RankingResult(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PredictedResult(Result):
-    """Predictions from a record, with the data behind them; ``against``: where the diagnosis disagrees."""
+    """Predictions from a record, with the data behind them."""
 
     extrapolation: Extrapolation
     prepared: PreparedRecord
-    against: Disagreement = AGREED
+    against: Disagreement = AGREED  #: where the diagnosis disagrees
 
     @property
     def mode(self) -> Mode:

@@ -103,15 +103,12 @@ class AuditResult(Audit):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DiagnosisResult(Result):
-    """Why a test departs from its simulation; ``posterior``: of the leading explanation, if it was sampled.
-
-    ``against``: where the ranked laws disagree; shown first if it concerns a load.
-    """
+    """Why a test departs from its simulation."""
 
     diagnosis: Diagnosis
-    posterior: EffectPosterior | None = None
+    posterior: EffectPosterior | None = None  #: of the leading explanation, if it was sampled
     audit: Audit | None = None
-    against: Disagreement = AGREED
+    against: Disagreement = AGREED  #: where the ranked laws disagree; shown first if it concerns a load
 
     @property
     def table(self) -> pd.DataFrame:
@@ -204,15 +201,12 @@ class RegressionResult(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SweepResult(Result):
-    """Steady-state sweeps: ``record`` holds the rows, ``name`` is that of the mode or the test.
+    """Steady-state sweeps."""
 
-    ``left_out``: effects of the model that were not simulated; ``of_rig``: simulated effects that change readings only.
-    """
-
-    record: Record
-    name: str
-    left_out: tuple[str, ...] = ()
-    of_rig: tuple[str, ...] = ()
+    record: Record  #: the rows
+    name: str  #: of the mode or the test
+    left_out: tuple[str, ...] = ()  #: effects of the model that were not simulated
+    of_rig: tuple[str, ...] = ()  #: simulated effects that change readings only
 
     @property
     def table(self) -> pd.DataFrame:
@@ -253,10 +247,10 @@ class SweepResult(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ConditionResult(SweepResult):
-    """The record of one mode from a raw table; ``steps``: what each removed; ``doubts``: cautions on the readings."""
+    """The record of one mode from a raw table."""
 
-    steps: tuple[ConditioningStep, ...] = ()
-    doubts: tuple[str, ...] = ()
+    steps: tuple[ConditioningStep, ...] = ()  #: what each removed
+    doubts: tuple[str, ...] = ()  #: cautions on the readings
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -119,6 +119,7 @@ def test_axes_that_are_none():
 @pytest.mark.parametrize(("cells", "said"), [
     (TABLE["force"] + 1j, "table, column c: holds complex values; expected real numbers"),
     (pd.date_range("2026-01-01", periods=len(TABLE)), "table, column c: holds datetime64 values; expected numbers"),
+    (pd.Series([10**400, *[1] * (len(TABLE) - 1)], dtype=object), "table, column c: a number too large"),
 ])  # fmt: skip
 def test_a_regression_takes_no_column_that_is_no_number(cells, said):
     """The imaginary part was dropped, and dates were counted in units of their storage."""

@@ -396,6 +396,8 @@ def test_decays_of_several_floors_give_modes_and_shapes(tmp_path):
     [
         ("a,b\n1,2\n", "a column of time"),
         ("frequency,force,amplitude\n1,1,1\n2,1,1\n", "'amplitude' has no phase; expected a column amplitude phase"),
+        ("time [s],tip [m]\n0,1\n", "1 sample from 0 to 0 s; expected two samples or more, at rising times"),
+        ("time [s],tip [m]\n2,1\n1,2\n", "2 samples from 2 to 1 s; expected two samples or more, at rising times"),
         ("\x07\x01\x02 binary \x03", "neither UFF, MAT .* nor text; expected a file of one of these"),
     ],
 )
@@ -654,6 +656,44 @@ def test_broken_tables_of_time(tmp_path):
     path.write_text("time [s],force [N],a [m/s^2]\n" + "".join(f"{(k / 100) ** 2},1,2\n" for k in range(50)))
     with pytest.raises(InputError, match="not evenly spaced"):
         read_runs([path], SIZE)
+
+
+def test_a_decay_of_a_few_samples_shows_no_mode(tmp_path):
+    (tmp_path / "a.csv").write_text("time [s],tip [m]\n" + "".join(f"{k / 100},{(-1) ** k}\n" for k in range(5)))
+    with pytest.raises(AnalysisError, match="no mode"):
+        analyse([tmp_path / "a.csv"])
+
+
+def test_rows_at_one_frequency_show_no_mode(tmp_path):
+    """Where the user named a mode, they gave its damping to 5 %, by nothing but their scatter."""
+    rows = "".join(f"5,1,{1.0 + 0.01 * np.sin(k)},{k}\n" for k in range(40))
+    (tmp_path / "a.csv").write_text(f"frequency [Hz],force [N],tip [m],tip phase [deg]\n{rows}")
+    with pytest.raises(AnalysisError, match="no resonance in run 'a': it has no two different frequencies"):
+        analyse([tmp_path / "a.csv"], frequencies=[5.0])
+
+
+@pytest.mark.parametrize(
+    ("gap", "rows", "said"),
+    [
+        (0.0, 400, "no sine"),  # even ones reach the tracking
+        (0.05, 400, r"not evenly spaced: 1\.99 to 2\.05 s beside steps of 0\.01 s"),
+        (0.0, 1, "1 sample from 0 to 0 s"),
+    ],
+)
+def test_times_of_functions_are_even(tmp_path, gap, rows, said):
+    """Under a drive, as in tables and groups: steps of their mean gave frequencies of their own."""
+    t, lines = np.arange(rows) / 100, []
+    t[200:] += gap
+    for name, code, unit in (("force", 13, "N"), ("tip", 12, "m/s^2")):
+        lines += ["    -1", "    58", name, *["NONE"] * 4]
+        lines.append(f"{1:5d}{0:10d}{0:5d}{0:10d} {'NONE':10s}{1:10d}{3:4d} {'NONE':10s}{0:10d}{0:4d}")
+        lines.append(f"{2:10d}{rows:10d}{0:10d}{0.0:13.5e}{0.0:13.5e}{0.0:13.5e}")
+        axes = ((17, "time", "s"), (code, name, unit), (0, "NONE", "NONE"), (0, "NONE", "NONE"))
+        lines += [f"{of:10d}{0:5d}{0:5d}{0:5d} {what:20s} {label:20s}" for of, what, label in axes]
+        lines += [*(f"{at:13.5e}{1.0:13.5e}" for at in t), "    -1"]
+    (tmp_path / "a.uff").write_text("\n".join([*lines, ""]))
+    with pytest.raises((InputError, AnalysisError), match=said):
+        read_runs([tmp_path / "a.uff"], SIZE)
 
 
 HEADER = "time [s],force [N],a [m/s^2]\n"

@@ -14,8 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from damping.extrapolation.judged import judge_rows
-from damping.extrapolation.near import plan_loads
+from damping.extrapolation.plan import judge_rows, plan_loads
 from damping.extrapolation.prepared import prepare_record
 from damping.forces import from_damping
 from damping.infer.law import Law

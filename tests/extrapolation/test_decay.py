@@ -8,7 +8,7 @@ import pytest
 
 import damping as dp
 from damping.extrapolation.curve import DRAWN, list_drawn_amplitudes
-from damping.extrapolation.near import trend
+from damping.extrapolation.levels import trend
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import observe
 from damping.records.record import Record

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks._structures import structures
 from damping.extrapolation import extrapolate_loads
-from damping.extrapolation.near import near_resonance
+from damping.extrapolation.prepared import near_resonance
 from damping.forces import CubicStiffness, Sum
 from damping.infer.law import Law
 from damping.predict.steady import phase_resonance

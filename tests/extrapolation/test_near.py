@@ -12,18 +12,9 @@ from benchmarks._structures import CANDIDATES, simulated_levels, structures
 from damping.errors import AnalysisError
 from damping.extrapolation import extrapolate_loads, leave_higher_levels_out
 from damping.extrapolation.backbone import observe_backbone
-from damping.extrapolation.judged import judge_rows
-from damping.extrapolation.near import (
-    CHANGES,
-    EXPECTED,
-    NEAR,
-    describe_rests,
-    near_resonance,
-    plan_loads,
-    trend,
-    without_offset,
-)
-from damping.extrapolation.states import BISTABLE, read_resonances
+from damping.extrapolation.levels import BISTABLE, CHANGES, EXPECTED, read_resonances, trend
+from damping.extrapolation.plan import judge_rows, plan_loads
+from damping.extrapolation.prepared import NEAR, describe_rests, near_resonance, without_offset
 from damping.forces import CubicStiffness, Displacement, Slip, Sum, VelocitySquared, Viscous
 from damping.infer.best_fit import BestFit, fit_laws
 from damping.infer.doubt import JOINTS, JointEvidence

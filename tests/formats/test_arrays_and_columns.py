@@ -358,6 +358,14 @@ def test_two_lock_in_channels(truth, tmp_path, imported):
     np.testing.assert_allclose(found.column("force"), truth.F, rtol=CLOSE)
 
 
+@pytest.mark.parametrize("columns", [{}, {"y": "y"}])
+@pytest.mark.parametrize("write", [mat5, hdf5])
+def test_an_imaginary_part_alone_is_no_response(tmp_path, imported, write, columns):
+    path = write(tmp_path / "a.dat", a=np.arange(9.0), y=np.arange(9.0))
+    with pytest.raises(InputError, match=r"which column is the response\? a, y; expected --column response=NAME"):
+        imported(path, columns=columns, rate=100.0)
+
+
 @pytest.mark.parametrize(
     ("content", "columns", "message"),
     [

@@ -10,7 +10,8 @@ import pytest
 
 from damping.errors import InputError
 from damping.formats import read_file
-from damping.formats.series import Series, Stated
+from damping.formats.series import Series, Stated, Summary
+from damping.formats.uff import read_functions
 
 Read = Callable[..., Series]
 
@@ -303,6 +304,9 @@ def test_functions_that_are_no_response(read: Read, function: int, name: str):
         read(content)
     with pytest.raises(InputError, match=f"data set 1 is {name}"):
         read(content, datasets=(1,))
+    if function != 5:  # a campaign reads ratios to its control
+        with pytest.raises(InputError, match=f"no data set is a response: the first is {name}"):
+            read_functions(content.encode(), Summary())
 
 
 def test_coherence_and_other_sets_beside_the_response(read: Read):

@@ -272,6 +272,7 @@ CASES = (
     ("drift", {"frequency": 0.006, "sweep": 3.0}),
     ("drift", {"frequency": 0.004, "cycles": 2.0, "phase": 0.4}),
     ("drift", {"frequency": -0.006, "moment": 0.4}),
+    ("drift", {"frequency": -0.006, "moment": 0.4, "duration": 0.001}),  # between two rows
     ("level-offset", {"factor": 0.9, "sweep": 2.0}),
     ("level-offset", {"factor": 0.96, "sweep": 0.0, "onward": 3.0}),
     ("sensor-saturation", {"level": 0.02}),

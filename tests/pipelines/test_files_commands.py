@@ -157,6 +157,7 @@ def test_several_ring_downs_of_one_file(tmp_path, damping):
     words = ("import", tmp_path / "t.csv", "--out", tmp_path / "r.csv", "--ring-down", "--mode", tmp_path / "m.toml")
     assert "2 times --start and 1 times --end" in damping(*words, "--start", 0, "--start", 8, "--end", 7).err
     assert "7 s before 6 s" in damping(*words, "--start", 0, "--start", 6, "--end", 7, "--end", 16).err
+    assert "2 s before 2 s" in damping(*words, "--start", 0, "--end", 1, "--start", 2, "--end", 2).err
     assert damping(*words, "--start", 0, "--start", 8).code == 0
     assert damping(*words, "--start", 0, "--end", 7.9, "--start", 8, "--end", 15.9).code == 0
     record = read_record(tmp_path / "r.csv")

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import damping as dp
-from damping.extrapolation.near import near_resonance
+from damping.extrapolation.prepared import near_resonance
 from damping.gap.rows import read_rows
 from damping.predict import prepare
 from damping.records import audit

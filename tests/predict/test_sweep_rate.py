@@ -13,8 +13,8 @@ from damping.effects import CATALOGUE
 from damping.predict.sweep_rate import as_steady, envelope, estimate_rate
 from damping.records import audit
 from damping.records.mode import Mode
-from damping.records.order import list_rates
 from damping.records.record import Record
+from damping.records.rows import list_rates
 from damping.records.text import AGREED
 
 F_N = 20.0

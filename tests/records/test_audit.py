@@ -16,7 +16,7 @@ from damping.records import NAMES, audit
 from damping.records.check_sweeps import CURVED, DRAGGED
 from damping.records.implied import classify_phase, find_implied
 from damping.records.mode import Mode, Repeatability, Tolerance, Units, read_mode
-from damping.records.order import find_misplaced_rows
+from damping.records.outliers import find_misplaced_rows
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
@@ -427,6 +427,9 @@ def test_a_wrong_sign_of_one_sweep_names_it_and_leaves_the_others():
     (sign,) = [finding for finding in every.findings if finding.check == "phase-sign"]
     assert sign.advice == "negate it (lead_deg where the file is imported)"
     assert sign.what.startswith("the phase falls through -pi/2")
+    parts[1] = parts[1].assign(phase=np.arctan(np.tan(np.angle(Z))))  # negated, it would be wrong on both sides
+    (sign,) = [f for f in audit(Record(pd.concat(parts, ignore_index=True))).findings if f.check == "phase-sign"]
+    assert sign.advice == "add pi where it is negative in sweep B, and leave the others as they are"
 
 
 @pytest.mark.parametrize(("length", "times", "doubted"), [("m", 1.0, False), ("mm", 1e3, False), ("m", 142.1e3, True)])

@@ -83,6 +83,7 @@ BREAKS: dict[str, tuple[str, int, Callable[[], pd.DataFrame]]] = {
     "phase negated (x/F)": ("phase-sign", 1, change(phase=lambda t: -t["phase"])),
     "phase minus pi": ("phase-sign", 1, change(phase=lambda t: t["phase"] - np.pi)),
     "phase led": ("phase-sign", 1, change(phase=lambda t: np.mod(-t["phase"], 2.0 * np.pi))),
+    "phase modulo pi": ("phase-sign", 1, change(phase=lambda t: np.arctan(np.tan(t["phase"])))),
     "an offset of .3 rad": ("phase-offset", 0, change(phase=lambda t: t["phase"] + 0.3)),
     "sweeps that stop below resonance": ("edge-of-sweep", 1, cut_below),
     "a record of four modes": ("several-modes", 1, lambda: measured(many_modes(BENCH), BENCH)),

@@ -33,7 +33,7 @@ from damping.report import (
     number,
     start_sentence,
 )
-from damping.report.figures import leading, record_figures, trace_sweep
+from damping.report.figures import draw_design_loads, leading, record_figures, trace_sweep
 from damping.report.results import PRIOR_DRAWS, RecordResult, StudyResult, prior_draws
 from damping.report.study import render
 from damping.report.tables import record_tables, tabulate_design, tabulate_observations
@@ -311,3 +311,17 @@ def test_posterior_files_hold_the_damping_ratio(peaks: RecordResult) -> None:
     mass = peaks.record.column("mass")
     measured = peaks.data.tested_force / (2.0 * mass * peaks.data.tested_omega**2 * peaks.data.tested_amplitude)
     np.testing.assert_allclose(ratio.median(("chain", "draw")), measured, rtol=0.05)
+
+
+def test_the_text_of_design_loads_leaves_no_gap_where_a_unit_or_a_prediction_is_missing(peaks: RecordResult) -> None:
+    assert peaks.design is not None
+    refused = replace(peaks.design.average, median=np.append(peaks.design.average.median[:-1], np.nan))
+    design = replace(peaks.design, average=refused, linear=np.append(peaks.design.linear[:-1], np.nan))
+    drawn = draw_design_loads("Mode", peaks.data, Units(), design, peaks.bands)
+    assert drawn is not None
+    assert not any(gap in drawn.description for gap in ("  ", " ;", " ,", " ."))
+    drawn = draw_design_loads("Mode", peaks.data, POUND, peaks.design, peaks.bands)
+    assert drawn is not None
+    low, median = (number(values[0]) for values in (peaks.data.tested_force, peaks.design.average.median))
+    assert f"Tested from {low} to " in drawn.description
+    assert f"median {median} in (" in drawn.description

@@ -8,7 +8,7 @@ from scipy.stats import binom
 
 from benchmarks._structures import CANDIDATES, simulated_levels, structures
 from damping.extrapolation.draws import Member
-from damping.extrapolation.near import plan_loads
+from damping.extrapolation.plan import plan_loads
 from damping.extrapolation.prediction import predict
 from damping.infer.evidence import evidence
 from damping.infer.law import Coordinates, Law

@@ -1,7 +1,6 @@
 """The work on each record: from its files to its row and pages, without other output."""
 
 import ctypes
-import gc
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -36,7 +35,7 @@ from damping.report.screens import describe_load
 from damping.report.study import list_laws
 from damping.report.tables import describe_coefficients, tabulate_by_model, tabulate_design
 from damping.result import DiagnosisResult
-from damping_pipelines import COLLECT_DRAWN, give_back_memory
+from damping_pipelines import collect_drawn, give_back_memory
 from damping_pipelines.fleet.dataset import MULTIPLES, SCHEMA, FleetResult, FleetTask, read_files, row_of
 from damping_pipelines.store import to_json
 
@@ -116,7 +115,7 @@ def analyse(task: FleetTask) -> FleetResult:
 
 def analyse_each(tasks: Iterable[FleetTask]) -> Iterator[FleetResult]:
     """Results of tasks, one by one in this process."""
-    gc.set_threshold(COLLECT_DRAWN)
+    collect_drawn()
     return map(analyse, tasks)
 
 

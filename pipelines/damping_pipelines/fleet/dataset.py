@@ -194,7 +194,7 @@ def read_files(task: FleetTask) -> tuple[Record, Mode]:
             raise (error.in_file(names[Path(error.file).name]) if error.file else error) from error
     first, second = names.values()
     name = task.name if mode.name == _UNNAMED else mode.name
-    return replace(record, source=first), replace(mode, source=second, name=name)
+    return Record.trusted(record.frame, first), replace(mode, source=second, name=name)
 
 
 _TYPES = {

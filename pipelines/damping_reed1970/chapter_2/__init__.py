@@ -121,12 +121,10 @@ EXPONENTS = {"velocity-power": 0.5, "displacement-velocity-power": 1.5}
 
 @dataclass(frozen=True)
 class HysteresisLoops:
-    """Loops over one cycle of amplitude 1 and frequency 1 about a spring of stiffness 1, by the force's name.
+    """Loops over one cycle of amplitude 1 and frequency 1 about a spring of stiffness 1."""
 
-    ``areas``: force, polygon area of the loop, energy per cycle in closed form, relative difference of the two.
-    """
-
-    loops: dict[str, Loop]
+    loops: dict[str, Loop]  #: by the force's name
+    #: force, polygon area of the loop, energy per cycle in closed form, relative difference of the two
     areas: pd.DataFrame
 
 
@@ -134,16 +132,14 @@ class HysteresisLoops:
 class SlipEquivalent:
     """Slip and its velocity-squared equivalent (Fig. 2.5), stuck stiffness K = 1, limit A1 = 1.
 
-    ``slip``, ``printed``, ``corrected``: loops at the amplitude ``REFERENCE``, the latter two of C3 q'^2 sgn q' by Eq.
-    2.4.4 as printed and corrected, about the joint's mean slope. ``error``: against amplitude, C3 fixed there.
-    ``energies``: amplitude over A1, exact energy, as printed (2.4.3), by each fixed C3; in units of K A1^2.
+    Loops are at the amplitude ``REFERENCE``.
     """
 
-    slip: Loop
-    printed: Loop
-    corrected: Loop
-    error: pd.DataFrame
-    energies: pd.DataFrame
+    slip: Loop  #: loop of the joint
+    printed: Loop  #: of C3 q'^2 sgn q' by Eq. 2.4.4 as printed, about the joint's mean slope
+    corrected: Loop  #: of C3 q'^2 sgn q' by Eq. 2.4.4 corrected, about the joint's mean slope
+    error: pd.DataFrame  #: against amplitude, C3 fixed at the reference
+    energies: pd.DataFrame  #: amplitude over A1, exact energy, as printed (2.4.3), by each fixed C3; in units of K A1^2
 
 
 def hysteresis_loops() -> HysteresisLoops:

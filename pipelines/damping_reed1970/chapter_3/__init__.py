@@ -16,19 +16,15 @@ from damping_reed1970 import by_point, columns, load_table
 
 
 class PlanarOscillator(NamedTuple):
-    """Mass M, viscous coefficient C (equal in all directions), principal frequencies in rad/s, angle theta in rad.
+    """A mode in two principal planes as a sensor sees it; fields may be arrays that broadcast with the frequency."""
 
-    As a sensor sees it: ``R``, motion in phase with the force that is not this mode's, per unit of modal force, and
-    ``lag`` of all readings, rad. Fields may be arrays that broadcast with the frequency.
-    """
-
-    M: Floats
-    C: Floats
-    omega_p: Floats
-    omega_y: Floats
-    theta: Floats
-    R: Floats = 0.0
-    lag: Floats = 0.0
+    M: Floats  #: mass
+    C: Floats  #: viscous coefficient, equal in all directions
+    omega_p: Floats  #: first principal frequency, rad/s
+    omega_y: Floats  #: second principal frequency, rad/s
+    theta: Floats  #: angle, rad
+    R: Floats = 0.0  #: motion in phase with the force that is not this mode's, per unit of modal force
+    lag: Floats = 0.0  #: of all readings, rad
 
 
 def pitch_response(oscillator: PlanarOscillator, F_p: Floats, omega: Floats) -> ComplexArray:
@@ -38,18 +34,19 @@ def pitch_response(oscillator: PlanarOscillator, F_p: Floats, omega: Floats) -> 
     identical with Eqs. 3.1.30-3.1.35.
     """
     M, C, omega_p, omega_y, theta, R, lag = oscillator
-    pitch, yaw = _receptance(M, C, omega_p, omega), _receptance(M, C, omega_y, omega)
+    pitch, yaw = receptance(M, C, omega_p, omega), receptance(M, C, omega_y, omega)
     return np.asarray(F_p * (np.cos(theta) ** 2 * pitch + np.sin(theta) ** 2 * yaw) * np.exp(-1j * lag) + R * F_p)
 
 
 def yaw_response(oscillator: PlanarOscillator, F_p: Floats, omega: Floats) -> ComplexArray:
     """Phasor of the yaw motion under F_p in pitch (from Eqs. 3.1.27, 3.1.28): zero for theta = 0."""
     M, C, omega_p, omega_y, theta = oscillator[:5]
-    pitch, yaw = _receptance(M, C, omega_p, omega), _receptance(M, C, omega_y, omega)
+    pitch, yaw = receptance(M, C, omega_p, omega), receptance(M, C, omega_y, omega)
     return F_p * np.sin(theta) * np.cos(theta) * (pitch - yaw)
 
 
-def _receptance(M: Floats, C: Floats, omega_j: Floats, omega: Floats) -> ComplexArray:
+def receptance(M: Floats, C: Floats, omega_j: Floats, omega: Floats) -> ComplexArray:
+    """Phasor of the motion in a principal plane of frequency ``omega_j`` over the force in it."""
     return np.asarray(1.0 / (M * (omega_j**2 - omega**2) + 1j * C * omega))
 
 

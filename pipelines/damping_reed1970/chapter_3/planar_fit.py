@@ -24,7 +24,7 @@ from scipy.special import chdtrc
 from damping.arrays import ComplexArray, FloatArray
 from damping.signals import PrincipalPlanes
 from damping_reed1970 import columns, load_table
-from damping_reed1970.chapter_3 import PLANES, VARIANTS, PlanarOscillator, pitch_response
+from damping_reed1970.chapter_3 import PLANES, VARIANTS, PlanarOscillator, pitch_response, receptance
 
 Noise = Literal["constant", "proportional"]
 
@@ -44,14 +44,12 @@ _REFINED = 5  # starts that are followed down: the best of the grid
 
 @dataclass(frozen=True)
 class Phasors:
-    """What is fitted: ``q`` = A exp(-i phi), modal force ``F`` and ``omega`` in rad/s, each (n,).
+    """What is fitted, each (n,)."""
 
-    The standard deviation of its components is ``constant`` or ``proportional`` to the measured amplitude.
-    """
-
-    q: ComplexArray
-    F: FloatArray
-    omega: FloatArray
+    q: ComplexArray  #: A exp(-i phi)
+    F: FloatArray  #: modal force
+    omega: FloatArray  #: rad/s
+    #: standard deviation of components: one for all, or in proportion to the measured amplitude
     noise: Noise = "constant"
 
     @property
@@ -66,17 +64,14 @@ class Phasors:
 
 @dataclass(frozen=True)
 class PlanarFit:
-    """A least-squares fit: the model, theta in rad, and which of its parameters were ``fitted``.
+    """A least-squares fit."""
 
-    ``standard_errors``: by name (``PARAMETERS``, ``EXTRAS``, and xi of the pitch plane), 0 for what was not fitted.
-    ``residuals``: complex, (model - measured)/shape, (n,). ``SSE``: sum of their squares, 2 n numbers.
-    """
-
-    model: PlanarOscillator
-    fitted: tuple[str, ...]
+    model: PlanarOscillator  #: theta in rad
+    fitted: tuple[str, ...]  #: which of its parameters
+    #: by name (``PARAMETERS``, ``EXTRAS``, and xi of the pitch plane), 0 for what was not fitted
     standard_errors: Mapping[str, float]
-    residuals: ComplexArray
-    SSE: float
+    residuals: ComplexArray  #: complex, (model - measured)/shape, (n,)
+    SSE: float  #: sum of their squares, 2 n numbers
 
     @property
     def xi(self) -> float:
@@ -169,8 +164,7 @@ def _jacobian(data: Phasors, model: PlanarOscillator, free: tuple[str, ...]) -> 
     """Derivatives of the residuals by the parameters ``free``, (n, k)."""
     M, C, omega_p, omega_y, theta, _, lag = model
     omega, along, across, turn = data.omega, np.cos(theta) ** 2, np.sin(theta) ** 2, np.exp(-1j * lag)
-    p = 1.0 / (M * (omega_p**2 - omega**2) + 1j * C * omega)
-    y = 1.0 / (M * (omega_y**2 - omega**2) + 1j * C * omega)
+    p, y = receptance(M, C, omega_p, omega), receptance(M, C, omega_y, omega)
     by_name = {
         "omega_p": -along * 2.0 * M * omega_p * p**2 * turn,
         "omega_y": -across * 2.0 * M * omega_y * y**2 * turn,

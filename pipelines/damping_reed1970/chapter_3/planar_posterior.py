@@ -53,15 +53,12 @@ _STEP = 1e-5  # of a standard normal variable, in difference quotients
 
 @dataclass(frozen=True)
 class PlanarPrior:
-    """The map from standard normal variables ``x`` (..., dimension) to the parameters, with scales of the ``data``.
-
-    ``mass``: median of M. ``fixed``: theta (rad) and M where they are held. ``extras``: of ``EXTRAS``, those free.
-    """
+    """The map from standard normal variables ``x`` (..., dimension) to the parameters, with scales of the ``data``."""
 
     data: Phasors
-    mass: float
-    fixed: Mapping[str, float] = field(default_factory=dict)
-    extras: Collection[str] = ()
+    mass: float  #: median of M
+    fixed: Mapping[str, float] = field(default_factory=dict)  #: theta (rad) and M where they are held
+    extras: Collection[str] = ()  #: of ``EXTRAS``, those free
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -111,15 +108,12 @@ class PlanarPrior:
 
 @dataclass(frozen=True)
 class PlanarPosterior:
-    """What is known of a planar oscillator: draws of its variables (n, dimension), whose meaning the prior gives.
-
-    ``chains`` is None where it is known by importance sampling.
-    """
+    """What is known of a planar oscillator."""
 
     prior: PlanarPrior
-    draws: FloatArray
+    draws: FloatArray  #: of its variables (n, dimension), whose meaning the prior gives
     evidence: Evidence
-    chains: Chains | None = None
+    chains: Chains | None = None  #: None where it is known by importance sampling
 
     @property
     def parameters(self) -> dict[str, FloatArray]:

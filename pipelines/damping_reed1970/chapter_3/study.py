@@ -25,23 +25,17 @@ SECOND_PLANE = (11.48, 11.51)
 
 @dataclass(frozen=True)
 class Chapter3:
-    """Results of chapter III.
+    """Results of chapter III; after the tables for people, those for the figures."""
 
-    ``steps``: conditioning of the test of Configuration I. ``tables``: for people, by name. For the figures:
-    ``measured``, by point (:func:`tabulate_measured`); ``corrected``, rows 6+ and 9+ of Table 3.IV; ``effect``,
-    amplitude and phase after each step; ``curves`` with one damping for all points (:func:`tabulate_fitted_curves`).
-    ``fits, posteriors``: of the planar oscillator. ``bands``: of the sampled posteriors by data.
-    """
-
-    steps: tuple[ConditioningStep, ...]
-    tables: Mapping[str, pd.DataFrame]
-    measured: pd.DataFrame
-    corrected: pd.DataFrame
-    effect: pd.DataFrame
-    curves: pd.DataFrame
-    fits: Fits
-    posteriors: Posteriors
-    bands: Mapping[str, PlanarBand]
+    steps: tuple[ConditioningStep, ...]  #: conditioning of the test of Configuration I
+    tables: Mapping[str, pd.DataFrame]  #: for people, by name
+    measured: pd.DataFrame  #: by point (:func:`tabulate_measured`)
+    corrected: pd.DataFrame  #: rows 6+ and 9+ of Table 3.IV
+    effect: pd.DataFrame  #: amplitude and phase after each step
+    curves: pd.DataFrame  #: with one damping for all points (:func:`tabulate_fitted_curves`)
+    fits: Fits  #: of the planar oscillator
+    posteriors: Posteriors  #: of the planar oscillator
+    bands: Mapping[str, PlanarBand]  #: of the sampled posteriors by data
 
 
 def chapter_3_results(seed: int = SEED) -> Chapter3:

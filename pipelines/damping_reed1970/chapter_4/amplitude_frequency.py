@@ -76,37 +76,29 @@ CURVES: dict[str, float] = PRINTED["curves"]
 
 @dataclass(frozen=True)
 class CaseCurve:
-    """The response of one case, (points,) over the amplitudes of :class:`AmplitudeFrequency`.
-
-    ``eta_squared`` and ``phase`` (rad) are (2, points), below resonance first (NaN under the static amplitude). Below
-    resonance ``delta``, ``epsilon``, ``percent``: distances from the undamped curve and its error.
-    """
+    """The response of one case, (points,) over the amplitudes of :class:`AmplitudeFrequency`."""
 
     name: str
     force: Force
-    eta_squared: FloatArray
-    phase: FloatArray
-    delta: FloatArray
-    epsilon: FloatArray
-    percent: FloatArray
+    eta_squared: FloatArray  #: (2, points), below resonance first; NaN under the static amplitude
+    phase: FloatArray  #: rad, the same shape
+    delta: FloatArray  #: below resonance, horizontal distance from the undamped curve
+    epsilon: FloatArray  #: below resonance, vertical distance
+    percent: FloatArray  #: error of neglecting damping
 
 
 @dataclass(frozen=True)
 class AmplitudeFrequency:
-    """All cases, case I first, with one resonant amplitude ``A_m`` under the modal force ``F``.
-
-    ``undamped``: eta^2 (2, points) of the undamped curve over ``amplitude``. ``widths``: case, width in eta^2 at shares
-    of the resonant amplitude, error of neglecting damping there.
-    """
+    """All cases with one resonant amplitude under one modal force."""
 
     M: float
     omega_n: float
-    F: float
-    A_m: float
-    curves: tuple[CaseCurve, ...]
-    amplitude: FloatArray
-    undamped: FloatArray
-    widths: pd.DataFrame
+    F: float  #: modal force
+    A_m: float  #: resonant amplitude
+    curves: tuple[CaseCurve, ...]  #: case I first
+    amplitude: FloatArray  #: (points,)
+    undamped: FloatArray  #: eta^2 (2, points) of the undamped curve over ``amplitude``
+    widths: pd.DataFrame  #: case, width in eta^2 at shares of the resonant amplitude, error of neglecting damping there
 
 
 def amplitude_frequency(
@@ -136,7 +128,7 @@ def _curve(name: str, force: Force, A: FloatArray, M: float, omega_n: float, F: 
         force=force,
         eta_squared=eta_squared,
         phase=phase_lag(force, A, omega_n * np.sqrt(eta_squared), M, omega_n),
-        delta=F / (M * omega_n**2 * A) - below,
+        delta=undamped_distance(A, F, M, omega_n) - below,
         epsilon=vertical_difference(force, A, F, M, omega_n),
         percent=100.0 * (1.0 - below * M * omega_n**2 * A / F),
     )

@@ -38,15 +38,12 @@ _ALPHAS = np.geomspace(1e-3, 1e3, 121)
 
 @dataclass(frozen=True)
 class LevelCase:
-    """A case: ``forces``, the second (if any) with ``alpha`` times the coefficient of the first; ``free`` alpha.
-
-    An infinite alpha leaves the second force alone, with the coefficient as its own.
-    """
+    """A case of Table 2.I or a sum of two."""
 
     name: str
-    forces: tuple[str, ...]
-    alpha: float = np.nan
-    free: bool = False
+    forces: tuple[str, ...]  #: one or two
+    alpha: float = np.nan  #: coefficient of the second over that of the first; infinite: the second alone
+    free: bool = False  #: whether alpha is fitted
 
     def force(self, coefficient: FloatArray | float) -> Sum:
         """The damping force for coefficients that broadcast."""
@@ -60,17 +57,13 @@ class LevelCase:
 
 @dataclass(frozen=True)
 class LevelMethods:
-    """What the two methods say; percentages are of the measured or base value.
+    """What the two methods say; percentages are of the measured or base value."""
 
-    ``coefficients``: Table 4.V. ``variations``: ``largest_percent`` by base (signed, as the report), ``spread_percent``
-    (:func:`spread`). ``predictions``: Table 4.IV; base ``others`` takes coefficient and free alpha from all other
-    sweeps. ``picked``: case of least spread.
-    """
-
-    coefficients: pd.DataFrame
+    coefficients: pd.DataFrame  #: Table 4.V
+    #: ``largest_percent`` by base (signed, as the report), ``spread_percent`` (:func:`spread`)
     variations: pd.DataFrame
-    predictions: pd.DataFrame
-    picked: str
+    predictions: pd.DataFrame  #: Table 4.IV; base ``others`` takes coefficient and free alpha from all other sweeps
+    picked: str  #: case of least spread
 
 
 def level_methods(data: Observations, mass: FloatArray | None = None, alphas: Sequence[float] = (1.0,)) -> LevelMethods:

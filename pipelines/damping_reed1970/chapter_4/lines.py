@@ -19,7 +19,7 @@ from damping.ranking import Ranking
 from damping.regression.design import design_of_arrays
 from damping.regression.fit import Fit, Form, PowerLaw, fit, fit_power_law, tabulate_terms
 from damping_reed1970 import Version, columns, load_table
-from damping_reed1970.chapter_4 import F_EXAMPLE, PRINTED, equation_4_3_9, equation_4_3_19, resonances
+from damping_reed1970.chapter_4 import F_EXAMPLE, PRINTED, equation_4_3_9, equation_4_3_19, resonances, section_4_3
 
 VERSIONS: tuple[Version, ...] = ("printed", "corrected")
 #: Content of the t intervals of coefficients and exponents.
@@ -80,7 +80,7 @@ def section_4_3_example(ranking: Ranking, predicted: Loads | None = None) -> pd.
     line = fit_mode(1, "velocity-power", "corrected")
     power = float(line.amplitude(F_EXAMPLE))
     low, high = line.amplitude_interval(F_EXAMPLE)
-    from_c = float(A[2] * (F_EXAMPLE / F[2]) ** (1.0 / PRINTED["power_laws"][0]["p"]))
+    from_c = section_4_3("corrected")["sec43.A90_power_p1859"]
     average = predicted if predicted and F_EXAMPLE in predicted.force else average_laws(ranking)
     at, band = int(np.flatnonzero(average.force == F_EXAMPLE)[0]), average.average
     excess = [100.0 * (linear[2] / value - 1.0) for value in (from_c, power, high, low)]
@@ -105,21 +105,18 @@ def section_4_3_example(ranking: Ranking, predicted: Loads | None = None) -> pd.
 
 def average_laws(ranking: Ranking) -> Loads:
     """Prediction at 90 lb from the weighted importance draws of every law that has a weight."""
-    rows = ((row, row.evidence) for row in ranking.weighted())
-    members = [Member(row.name, row.weight, row.coordinates, drawn.draws) for row, drawn in rows if drawn]
+    members = [Member(row.name, row.weight, row.coordinates, row.weighed.draws) for row in ranking.weighted()]
     return predict(members, np.array([F_EXAMPLE]), ranking.data, LEVEL, seed=0)
 
 
 @dataclass(frozen=True)
 class SweepLines:
-    """The three sweeps of a mode, ``points``, with the lines through them, ``lines``: a figure's data.
-
-    ``exponents``: of the refitted power law and of the printed one, for the figure of forces.
-    """
+    """The three sweeps of a mode and the lines through them: a figure's data."""
 
     mode: int
     points: pd.DataFrame
     lines: pd.DataFrame
+    #: of the refitted power law and of the printed one, for the figure of forces
     exponents: tuple[float, float] = (np.nan, np.nan)
 
 

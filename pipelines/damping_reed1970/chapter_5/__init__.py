@@ -59,23 +59,18 @@ def load_points(table: str, version: Version, run: Run = "E4") -> Points:
 
 @dataclass(frozen=True)
 class EnergyFit:
-    """One fit of an energy polynomial as the report made it.
-
-    ``printed`` coefficients by term, in the report's order; ``forces`` the printed force coefficients (Table 5.I);
-    ``run`` which inputs of Table 5.IV were used; ``rows`` the points fitted; ``fitted`` and ``percent`` the printed
-    columns of fitted energy and per cent deviation, where there are any.
-    """
+    """One fit of an energy polynomial as the report made it."""
 
     name: str
     equation: str
     table: str
-    printed: Polynomial
+    printed: Polynomial  #: coefficients by term, in the report's order
     erratum: str
-    forces: Polynomial = field(default_factory=dict)
-    run: Run = "E4"
-    rows: tuple[int | None, int | None] = (None, None)
-    fitted: str = ""
-    percent: str = ""
+    forces: Polynomial = field(default_factory=dict)  #: the printed force coefficients (Table 5.I)
+    run: Run = "E4"  #: which inputs of Table 5.IV were used
+    rows: tuple[int | None, int | None] = (None, None)  #: the points fitted
+    fitted: str = ""  #: printed column of fitted energy, where there is one
+    percent: str = ""  #: printed column of per cent deviation, where there is one
 
     def data(self, version: Version) -> Points:
         """A, omega, E of the points fitted."""

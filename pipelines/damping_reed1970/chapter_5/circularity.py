@@ -47,16 +47,15 @@ ROUTES = ("Table 5.IV: A and E from xi", "3.1: modal amplitude, E put in", "roug
 class Circularity:
     """The selected laws.
 
-    ``laws``: best law by BIC with coefficients > 0 among all sums of the five forces (measured data: share 1).
-    ``claims``: the same for what the report concludes: ``nonlinear_share`` (a force is selected other than viscous and
+    ``claims`` is of what the report concludes: ``nonlinear_share`` (a force is selected other than viscous and
     displacement, which a narrow band cannot tell apart), ``cubed_share`` (A^3 omega^2 alone fits better than A^2 omega
     alone), ``ratio_share`` (of both together it has the larger T-ratio), ``significant_share`` (that T-ratio is above
-    2), median ``C_1``, ``C_3`` of both together (5.3.16), ``no_root_share`` of the points. ``identity``: largest
-    relative difference of E_p/(2 pi M omega_p omega A_p^2) from xi over Table 3.IV as printed.
+    2), median ``C_1``, ``C_3`` of both together (5.3.16), ``no_root_share`` of the points.
     """
 
-    laws: pd.DataFrame
+    laws: pd.DataFrame  #: best by BIC with coefficients > 0 among all sums of the five forces (measured data: share 1)
     claims: pd.DataFrame
+    #: largest relative difference of E_p/(2 pi M omega_p omega A_p^2) from xi over Table 3.IV as printed
     identity: float
     replicates: int
 

@@ -27,14 +27,13 @@ BLOCK = 200
 
 @dataclass(frozen=True)
 class ManyFits:
-    """Models m of responses r on k terms: ``members`` (m, k), ``coefficients`` and ``t_ratios`` (m, r, k), 0 for terms
-    left out, ``sse`` (m, r), and the number ``n`` of observations of each response."""
+    """Models m of responses r on k terms."""
 
-    members: BoolArray
-    coefficients: FloatArray
-    t_ratios: FloatArray
-    sse: FloatArray
-    n: int
+    members: BoolArray  #: (m, k)
+    coefficients: FloatArray  #: (m, r, k), 0 for terms left out
+    t_ratios: FloatArray  #: (m, r, k), 0 for terms left out
+    sse: FloatArray  #: (m, r)
+    n: int  #: number of observations of each response
 
     @property
     def bic(self) -> FloatArray:

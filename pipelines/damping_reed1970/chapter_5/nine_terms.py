@@ -169,22 +169,17 @@ def draw_terms_against_error(study: Mapping[str, pd.DataFrame]) -> Figure:
 
 @dataclass(frozen=True)
 class EnergySurface:
-    """Two surfaces on the grid ``amplitude`` (a,) times ``omega`` (f,), energies (a, f) in in-lb.
-
-    ``physical``: best subset of the nine terms with every coefficient > 0, by BIC, its terms in ``law``; ``nine``: all
-    nine terms, free. ``points``: ``omega_rad_s, amplitude_in, energy_in_lb``. ``rms_errors``: of both at the points.
-    ``negative_share``: share of the grid on which the nine terms give energy to the structure. ``lowest``: the least.
-    """
+    """Two surfaces on the grid ``amplitude`` (a,) times ``omega`` (f,), energies (a, f) in in-lb."""
 
     amplitude: FloatArray
     omega: FloatArray
-    physical: FloatArray
-    nine: FloatArray
-    law: tuple[str, ...]
-    points: pd.DataFrame
-    rms_errors: tuple[float, float]
-    negative_share: float
-    lowest: float
+    physical: FloatArray  #: best subset of the nine terms with every coefficient > 0, by BIC
+    nine: FloatArray  #: all nine terms, free
+    law: tuple[str, ...]  #: terms of the first
+    points: pd.DataFrame  #: ``omega_rad_s, amplitude_in, energy_in_lb``
+    rms_errors: tuple[float, float]  #: of both at the points
+    negative_share: float  #: of the grid on which the nine terms give energy to the structure
+    lowest: float  #: the least energy
 
 
 def energy_surface(cells: int = 80) -> EnergySurface:

@@ -13,7 +13,7 @@ from scipy.signal import find_peaks, oaconvolve, welch
 from damping.arrays import FloatArray
 from damping.campaign.sensors import FOLLOWS
 from damping.errors import AnalysisError
-from damping.signals.ringdown import list_weights
+from damping.signals.windows import list_weights
 
 PARTS = (8, 4, 2)  #: parts of a record whose spectra are averaged, from the least noise to the finest resolution
 PROMINENCE = 3.0  #: least height of a peak above its saddles, in ln of power
@@ -99,6 +99,8 @@ def _peaks(t: FloatArray, x: FloatArray, parts: int) -> tuple[list[float], list[
 
     First those below an eighth of the sampling rate, whose decay can be analysed, then those above.
     """
+    if len(t) < parts:
+        return [], []
     rate = (len(t) - 1) / (t[-1] - t[0])
     f, spectra = welch(x, rate, window="blackmanharris", nperseg=len(t) // parts * 2, axis=1)
     power = np.log(np.sum(spectra / np.max(spectra), axis=0) + 1e-300)

@@ -26,7 +26,8 @@ from damping.formats.quantity import unit
 from damping.formats.series import Summary
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
-from damping.signals.ringdown import PERIODS, ring_down
+from damping.signals.ringdown import ring_down
+from damping.signals.windows import PERIODS
 
 LEVELS = 8  #: levels that a decay is split into
 _ELSEWHERE = 0.08  # largest relative difference between the frequencies of a peak and of its decay

@@ -6,14 +6,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from damping.campaign.runs import CampaignRun, find_level_of_ratio, refuse_forces
-from damping.campaign.tracked import Source
+from damping.campaign.tracked import Source, find_step
 from damping.errors import InputError
 from damping.formats.levels import DRIVE, LEVEL, find_level
 from damping.formats.uff import Function, read_functions
 from damping.records.text import read_bytes
+from damping.signals.windows import UNEVEN, describe_uneven
 
 #: A level in an ID line, with the word for it: it differs between runs and is not part of a sensor's name.
 OF_LEVEL = re.compile(rf"(?:\b[Ll]evel\s*[:=]?\s*)?{LEVEL.pattern}")
+_PRINTED = 1e-5  # relative error of an abscissa as text, which has six digits
 _NO_LEVEL = "one run"  # the run of functions whose ID lines name no level
 
 
@@ -85,7 +87,9 @@ def _join_functions(label: str, group: Sequence[Function], source: Source) -> Ca
     drive = source.stated.choose_drive(dict(units))
     if drive is None:
         return source.make_decay(label, t, units, samples)
-    step = float(t[-1] - t[0]) / (len(t) - 1)
+    step = find_step(label, t)
+    if np.max(np.abs(t - t[0] - step * np.arange(len(t)))) > max(UNEVEN * step, _PRINTED * np.max(np.abs(t))):
+        raise InputError(describe_uneven(t), expected="one step throughout, rising")
     return source.track(label, units, drive, step, [np.array(samples)])
 
 

@@ -68,12 +68,9 @@ def describe_excess(levels: Sequence[Level], mode: int) -> tuple[str, ...]:
     excess = measure_excess(levels, mode)
     if excess < MERGED:
         return ()
-    near = (
-        f"near {levels[0].fit.frequency[mode]:.4g} Hz the fit leaves {excess:.0f} times the squared scatter of the rows"
-    )
-    return (
-        f"{near}, in another shape: probably two close modes, for which no band holds; try --modes F1,F2,... in Hz",
-    )
+    near = f"near {levels[0].fit.frequency[mode]:.4g} Hz the fit leaves {excess:.0f} times the squared scatter"
+    cause = "probably two close modes, for which no band holds; try --modes F1,F2,... in Hz"
+    return (f"{near} of the rows, in another shape: {cause}",)
 
 
 def measure_excess(levels: Sequence[Level], mode: int) -> float:

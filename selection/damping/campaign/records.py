@@ -64,9 +64,12 @@ class DrivenMode:
 def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -> list[Level]:
     """Every level with its modes, found at one level (`_choose_first`) and followed upwards and downwards.
 
-    InputError: sensors whose motion is not understood. AnalysisError: no mode.
+    InputError: sensors whose motion is not understood. AnalysisError: no mode, or a run at a single frequency.
     """
     motions = [_accelerations(run) for run in runs]
+    for run, (f, _, _) in zip(runs, motions, strict=True):
+        if len(np.unique(f)) < 2:
+            raise AnalysisError(f"no resonance in run {run.label!r}: it has no two different frequencies above 0")
     first, starts = (0, frequencies) if len(frequencies) else _choose_first(runs, motions)
     sign = 1.0 if runs[0].is_base_driven else -1.0
     f, H, drive = motions[first]

@@ -171,9 +171,8 @@ def _peaks(fit: ModalFit, k: int, residues: FloatArray, ratio: float) -> FloatAr
     frequency = float(fit.frequency[k])
     f = frequency * (1.0 + _SEARCHED * ratio * np.linspace(-1.0, 1.0, 401))
     columns = fit.columns(f)
-    columns[:, 2 + k] = (
-        fit.sign * (2.0 * pi * f) ** 2 * receptance(f, frequency, ratio, float(fit.slope[k]), float(fit.friction[k]))
-    )
+    G = receptance(f, frequency, ratio, float(fit.slope[k]), float(fit.friction[k]))
+    columns[:, 2 + k] = fit.sign * (2.0 * pi * f) ** 2 * G
     coefficients = fit.local[k].copy()
     coefficients[:, 2 + k] = np.nan_to_num(residues)
     size = np.abs(coefficients @ columns.T)

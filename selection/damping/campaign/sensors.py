@@ -197,10 +197,9 @@ def find_changed_gains(levels: Sequence[Level]) -> dict[str, str]:
         return {}
     at = int(np.argmax(np.abs(gain[worst])))  # with two levels, either may be wrong
     times = np.exp(gain[worst, at] - np.median(np.delete(gain[worst], at)))
-    reading = (
-        f"{times:.3g} times its reading relative to the others in {'the other' if len(levels) == 2 else 'other runs'}"
-    )
-    return {names[worst]: f"its gain changes: in run {levels[at].run.label!r} it reads {reading}"}
+    elsewhere = f"its reading relative to the others in {'the other' if len(levels) == 2 else 'other runs'}"
+    in_run = f"in run {levels[at].run.label!r} it reads {times:.3g} times"
+    return {names[worst]: f"its gain changes: {in_run} {elsewhere}"}
 
 
 def _list_residues(levels: Sequence[Level]) -> tuple[FloatArray, BoolArray]:

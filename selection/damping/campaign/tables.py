@@ -19,9 +19,9 @@ from damping.errors import InputError
 from damping.formats.conversion import SCALINGS
 from damping.formats.levels import DRIVE, NUMBERED, find_level
 from damping.formats.quantity import find_powers, unit
-from damping.formats.refined import SweepMotion, find_refined
 from damping.formats.sensors import SensorColumns, group_columns
 from damping.formats.series import Samples, Series, Summary
+from damping.formats.sweeps import SweepMotion, find_refined
 from damping.formats.tables import SensorTable, list_reading_series, read_tables
 from damping.records.text import count, describe_shortened
 
@@ -248,9 +248,8 @@ def _settle_sense(content: _Content, sweeps: Sequence[_SweepRows]) -> Sequence[_
     content.source.summary.add("phases", sense, "follows: a passive structure absorbs energy")
     if is_lead:
         return sweeps
-    return [
-        replace(s, values={name: np.conj(v) if name in angular else v for name, v in s.values.items()}) for s in sweeps
-    ]
+    lags = [{name: np.conj(sweep.values[name]) for name in angular} for sweep in sweeps]
+    return [replace(sweep, values={**sweep.values, **lag}) for sweep, lag in zip(sweeps, lags, strict=True)]
 
 
 def _make_run(content: _Content, sweep: _SweepRows) -> CampaignRun:
@@ -260,9 +259,8 @@ def _make_run(content: _Content, sweep: _SweepRows) -> CampaignRun:
     drive_unit = content.find_unit(content.drives[0], "force") if content.drives else ""
     ratios = {name: split_ratio(text, drive_unit) for name, text in units.items()}
     if content.drives:
-        drive = stated.join_controls(
-            [stated.of(reading.name).scale * sweep.values[reading.name] for reading in content.drives]
-        )
+        controls = (reading.name for reading in content.drives)
+        drive = stated.join_controls([stated.of(name).scale * sweep.values[name] for name in controls])
     else:
         label = sweep.label.replace("_", " ")
         per = next((parts[1] for parts in ratios.values() if parts), None)
@@ -278,10 +276,8 @@ def _make_run(content: _Content, sweep: _SweepRows) -> CampaignRun:
     channels = []
     for name, ratio in ratios.items():
         text, per = ratio or (units[name], drive_unit)
-        factor = unit(drive_unit).factor / unit(per).factor
+        values = sweep.values[name] * (unit(drive_unit).factor / unit(per).factor)
         quantity = describe_quantity(text, name)
-        channels.append(
-            source.make_channel(name, text, sweep.values[name] * factor, quantity, per_drive=ratio is not None)
-        )
+        channels.append(source.make_channel(name, text, values, quantity, per_drive=ratio is not None))
     run = CampaignRun(sweep.label, None, drive_unit, sweep.x, drive, tuple(filter(None, channels)), sweep.rate)
     return source.leave_flat(source.set_level(run, sweep.label))

@@ -24,12 +24,12 @@ from damping.campaign.runs import (
 )
 from damping.errors import AnalysisError, InputError
 from damping.formats.columns import DELIMITERS, Layout, TextTable, open_table
-from damping.formats.headers import ROLE_NAMES, ColumnHeader, find_abscissa_factor
+from damping.formats.headers import ROLE_NAMES, ColumnHeader, find_abscissa_factor, lower_name
 from damping.formats.levels import find_level
 from damping.formats.quantity import unit
 from damping.formats.series import Samples, Stated, Summary, require_finite
 from damping.records.check_ceiling import Limits, find_ceiling, find_limit
-from damping.records.text import describe_cell, describe_shortened, read_bytes
+from damping.records.text import count, describe_cell, describe_shortened, read_bytes
 from damping.signals.histories import track_sine
 from damping.signals.windows import UNEVEN, describe_uneven
 
@@ -104,9 +104,8 @@ class Source:
             return replace(run, level=level)
         g = STANDARD_GRAVITY_M_S2
         if run.drive_unit == "g" and abs(measured / level / g - 1.0) <= LABEL_AGREES:
-            self.summary.note(
-                f"{self.file.name}: values labelled g are in m/s^2 (according to {control}) and read as such"
-            )
+            said = f"values labelled g are in m/s^2 (according to {control}) and read as such"
+            self.summary.note(f"{self.file.name}: {said}")
             channels = (channel.scaled(1.0 / g) if channel.unit == "g" else channel for channel in run.channels)
             return replace(run, level=level, drive=run.drive / g, channels=tuple(channels))
         self.summary.note(f"{self.file.name}: {control} reads {measured:.3g} {run.drive_unit}, taken as its level")
@@ -141,7 +140,8 @@ class Source:
     def make_decay(
         self, label: str, t: FloatArray, units: Sequence[NamedUnit], samples: Sequence[FloatArray]
     ) -> CampaignRun:
-        """The run of motions against time without a drive: a free decay."""
+        """The run of motions against time without a drive: a free decay. InputError: times that do not rise."""
+        find_step(label, t)
         sensors = [self.make_channel(name, text, x) for (name, text), x in zip(units, samples, strict=True)]
         limits = {name: find_limit(x) for (name, _), x in zip(units, samples, strict=True)}
         run = CampaignRun(label, None, "", t, None, tuple(filter(None, sensors)))
@@ -151,9 +151,8 @@ class Source:
         """The run of spectra without sensors whose amplitudes stand at a ceiling under a steady drive."""
         assert run.drive is not None
         require_finite(f"drive of {run.label}", run.drive)
-        drive, limits = np.abs(run.drive), {}
-        for channel in run.channels:
-            limits[channel.name] = find_ceiling(np.abs(channel.samples), drive, per_force=channel.per_drive)
+        drive, of = np.abs(run.drive), run.channels
+        limits = {one.name: find_ceiling(np.abs(one.samples), drive, per_force=one.per_drive) for one in of}
         return self.leave_clipped(limits, run)
 
     def leave_clipped(self, limits: Mapping[str, float | None], run: CampaignRun) -> CampaignRun:
@@ -171,6 +170,15 @@ class Source:
         return replace(run.without(clipped), left_out=why)
 
 
+def find_step(label: str, t: FloatArray) -> float:
+    """Mean step of times (n,), s. InputError: a single one, or times that do not rise."""
+    step = float(t[-1] - t[0]) / max(len(t) - 1, 1)
+    if not step > 0.0:
+        expected = "two samples or more, at rising times"
+        raise InputError(f"{label}: {count(len(t), 'sample')} from {t[0]:g} to {t[-1]:g} s", expected=expected)
+    return step
+
+
 BLOCK = 8_000_000  #: characters of a table that are read together
 
 
@@ -178,7 +186,7 @@ def is_of_time(headers: Sequence[ColumnHeader]) -> bool:
     """Whether a table is of motions against time: it has a time beside them, and no frequency."""
     names = [header.name.lower() for header in headers if header.text]
     frequencies = {*ROLE_NAMES["frequency"], *ROLE_NAMES["omega"]}
-    has_frequency = any((h.name if len(h.name) == 1 else h.name.lower()) in frequencies for h in headers)  # f, not F
+    has_frequency = any(lower_name(header.name) in frequencies for header in headers)
     return not has_frequency and len(names) > 1 and bool(set(ROLE_NAMES["time"]) & set(names))
 
 
@@ -237,9 +245,8 @@ def _list_table_blocks(source: Source, layout: Layout, columns: Sequence[int]) -
         while block := stream.read(BLOCK):
             rest = stream.readline(BLOCK)
             if len(rest) == BLOCK:
-                raise InputError(
-                    f"a line of more than {BLOCK} characters", expected="rows of time, drive and responses"
-                )
+                expected = "rows of time, drive and responses"
+                raise InputError(f"a line of more than {BLOCK} characters", expected=expected)
             block += rest
             text = block.replace(",", ".") if layout.decimal == "comma" else block
             try:

@@ -13,14 +13,14 @@ from damping.effects.contract import Drive, Effect, Form, FormVariable, Scales, 
 from damping.effects.rig import list_states
 from damping.forces.shapes import TIME, Shape
 
-#: Settling time of the structure over the duration of the record: a twentieth to all of it.
-_SETTLING = FormVariable.between(0.05, 1.0, starts=(0.0,))
+_SETTLING = FormVariable.between(0.05, 1.0, starts=(0.0,))  #: Settling time over the duration of the record.
 #: Number of warming and cooling cycles over a record, and their phase at its middle, rad.
 _CYCLES = FormVariable.between(0.75, 6.0, starts=(-1.0, -0.35, 0.15, 0.6, 1.0))
 _PHASE = FormVariable(0.0, 1.8, starts=(-1.3, -0.45, 0.45, 1.3), linear=True)
-#: Moment when a joint gives way, as a share of the record, and how long it takes: a hundredth of the record.
+#: Moment when a joint gives way, and how long it takes, of the record; fits start slow, where the moment has a slope.
 _MOMENT = FormVariable(0.5, 0.25, starts=(-1.6, -1.2, -0.8, -0.4, 0.0, 0.4, 0.8, 1.2, 1.6), linear=True)
-_GIVING_WAY = 0.01
+_GIVING_WAY = FormVariable.between(0.0005, 0.02, starts=(1.0,))
+_SLOWLY = 0.01  #: The duration where a model file gives none.
 #: Largest relative change of frequency of one structure; largest |ln| of a factor on damping.
 _MOST_DRIFT = 0.1
 _MOST_WARMING = 2.0
@@ -29,8 +29,7 @@ _USUAL_MASS = 0.05  #: That of its mass, which is known to a twentieth.
 _MOST_MASS = 1.5  #: Largest |ln| of actual over stated mass of a state: a factor of 4.5 is beyond all sense.
 #: Drifts over their natural size from which fits start: linear gains do not see a resonance moved by a bandwidth.
 _DRIFTS = (0.5, 1.0, 2.0, 4.0, 8.0)
-#: Most sweeps for which each may have its own frequency.
-_MOST_JUMPS = 8
+_MOST_JUMPS = 8  #: Most sweeps for which each may have its own frequency.
 #: With more sweeps only errors of the reading are tried, not of the force, which differ in second order only.
 _MANY_SWEEPS = 6
 #: Prior of ``law``, ``ringing``, ``begun`` and ``held`` of `Terms`: each about 0 to 1.
@@ -48,7 +47,7 @@ def drift_forms(scales: Scales) -> tuple[Form, ...]:
         *_drift_side("frequency", scales.bandwidth, _MOST_DRIFT),
         *_drift_side("damping", 0.2, _MOST_WARMING),
         *_drift_side("settling", scales.bandwidth, _MOST_DRIFT, settling=_SETTLING),
-        *_drift_side("moment", scales.bandwidth, _MOST_DRIFT, moment=_MOMENT),
+        *_drift_side("moment", scales.bandwidth, _MOST_DRIFT, moment=_MOMENT, duration=_GIVING_WAY),
         _drift_side("cycles", scales.bandwidth, _MOST_DRIFT, cycles=_CYCLES, phase=_PHASE)[0],
         *chain.from_iterable(_drift_side("frequency", scales.bandwidth, _MOST_DRIFT, sweep=k) for k in sweeps),
     )
@@ -94,7 +93,7 @@ def simulate_drift(terms: Terms, table: Mapping[str, Floats]) -> Terms:
         if differs(table["cycles"], 0.0):
             return np.sin(2.0 * np.pi * table["cycles"] * drive.time + table["phase"])
         if differs(table["moment"], 0.0):
-            return np.asarray(expit((drive.time + 0.5 - table["moment"]) / _GIVING_WAY))
+            return np.asarray(expit((drive.time + 0.5 - table["moment"]) / table["duration"]))
         return drive.time
 
     for quantity, field in (("frequency", "detuned"), ("damping", "damped")):
@@ -120,6 +119,7 @@ DRIFT = Effect(
         Shape("phase", default=0.0, label="phase (of the cycles at the middle of the record)"),
         # before the record where the fit has it change at once
         Shape("moment", default=0.0, label="moment (of the change, as a share of the record)"),
+        Shape("duration", above=0.0, default=_SLOWLY, label="duration (of that change, share of the record)"),
         Shape("sweep", least=0.0, default=0.0),
         *(Shape(f"frequency_{sweep}", default=0.0) for sweep in range(1, _MOST_JUMPS + 1)),
     ),

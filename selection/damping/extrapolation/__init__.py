@@ -10,7 +10,6 @@ As a check within the record, its higher levels can be left out and predicted fr
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -29,8 +28,7 @@ from damping.extrapolation.draws import (
     share_out,
     vary_priors,
 )
-from damping.extrapolation.judged import judge_rows
-from damping.extrapolation.near import ROUNDING, Plan, plan_loads
+from damping.extrapolation.plan import ROUNDING, Plan, find_repeatability, judge_rows, plan_loads
 from damping.extrapolation.prediction import REFUSED_SHARE, Loads, predict
 from damping.extrapolation.prepared import PreparedRecord
 from damping.extrapolation.requested import check_loads
@@ -53,8 +51,9 @@ FEWEST_BELOW = 2
 FRESH_DRAWS = 1536
 #: Least reduction of ln(high/low) of a band by a further level: ends differ by as much from seed to seed.
 LEAST_GAIN = 0.01
-#: Forces predicted at once: the draws at each take 4 MB until their quantiles are known.
-AT_ONCE = 10
+#: Forces predicted at once: the draws at each take up to 4 MB until their quantiles are known. Each block draws the
+#: paths anew: fewer and larger ones take less time.
+AT_ONCE = 16
 
 
 def draw_fresh(law: Candidate, data: Observations, seed: int) -> FloatArray:
@@ -72,26 +71,20 @@ def draw_fresh(law: Candidate, data: Observations, seed: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class Extrapolation:
-    """Predictions, with the laws, weights and draws they come from.
+    """Predictions, with the laws, weights and draws they come from."""
 
-    Attributes:
-        plan: laws and weights. members: the averaged laws, with draws. loads: predictions at the requested forces.
-        mode: of the structure, None if unknown. seed: of all draws.
-        levels: candidate further levels, then the design force (the largest requested and allowed one); or empty.
-        spreads: draws of each member at the requested forces, then at ``levels``.
-    """
-
-    plan: Plan
-    members: tuple[Member, ...]
-    loads: Loads
-    mode: Mode | None
-    seed: int
+    plan: Plan  #: laws and weights
+    members: tuple[Member, ...]  #: the averaged laws, with draws
+    loads: Loads  #: predictions at the requested forces
+    mode: Mode | None  #: of the structure, None if unknown
+    seed: int  #: of all draws
+    #: candidate further levels, then the design force (the largest requested and allowed one); or empty
     levels: FloatArray
-    spreads: tuple[Spread, ...]
+    spreads: tuple[Spread, ...]  #: draws of each member at the requested forces, then at ``levels``
 
     def predict_at(self, forces: np.ndarray, *, each: bool = False, still: bool = False) -> Loads:
         """Predictions at other forces (forces,) from the same draws; ``each``, ``still``: see `predict`."""
-        known = (self.plan.data, self.loads.level, self.seed, self.plan, _repeatability(self.mode))
+        known = (self.plan.data, self.loads.level, self.seed, self.plan, find_repeatability(self.mode))
         blocks = np.array_split(forces, max(1, -(-len(forces) // AT_ONCE)))
         return join_rows([predict(self.members, block, *known, each=each, still=still) for block in blocks])
 
@@ -137,7 +130,7 @@ def extrapolate_loads(
     """Predict resonant amplitudes at ``forces``; every prediction of the project comes from here.
 
     Args:
-        data: rows near resonance (:func:`damping.extrapolation.near.near_resonance`).
+        data: rows near resonance (:func:`damping.extrapolation.prepared.near_resonance`).
         level: content of the bands.
         mode: its mass shows whether it is bistable; its repeatability is a lower bound of the scatter.
         laws: candidates, by default :func:`resonant_laws`.
@@ -165,7 +158,7 @@ def extrapolate_loads(
             done(law.name)
     design, tested = min(float(requested.max()), plan.limit), plan.data.tested_force
     levels = np.append(list_levels(tested, design), design) if design > tested.max() * (1.0 + ROUNDING) else np.empty(0)
-    spreads = draw_spreads(members, np.concatenate([requested, levels]), plan.data, _repeatability(mode), seed)
+    spreads = draw_spreads(members, np.concatenate([requested, levels]), plan.data, find_repeatability(mode), seed)
     at_asked = [spread.at(slice(len(requested))) for spread in spreads]
     loads = predict(members, requested, plan.data, level, seed, plan, spreads=at_asked)
     return Extrapolation(plan, tuple(members), loads, mode, seed, levels, tuple(spreads))
@@ -186,15 +179,18 @@ def predict_record(
 
     ``estimate``, ``fresh``: see :func:`extrapolate_loads`.
     """
-    data, mode = prepared.data, prepared.mode
-    asked = forces if len(forces) else np.array(times) * data.tested_force.max()
-    options: dict[str, Any] = {"estimate": estimate, "fresh": fresh, "progress": progress}
-    return extrapolate_loads(data, asked, level, seed, mode=mode, all_rows=prepared.all_rows, **options)
-
-
-def _repeatability(mode: Mode | None) -> float:
-    """Stated relative standard uncertainty of a level's amplitude; 0 if unknown."""
-    return (mode.repeatability.amplitude if mode else None) or 0.0
+    data = prepared.data
+    return extrapolate_loads(
+        data,
+        forces if len(forces) else np.array(times) * data.tested_force.max(),
+        level,
+        seed,
+        mode=prepared.mode,
+        all_rows=prepared.all_rows,
+        estimate=estimate,
+        fresh=fresh,
+        progress=progress,
+    )
 
 
 def sample_candidate(law: Candidate, data: Observations, forces: np.ndarray, seed: int) -> Posterior:

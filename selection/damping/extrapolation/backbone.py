@@ -86,17 +86,13 @@ class Backbone:
     omega^2 is constant, or linear in a power of amplitude or in the stiffness that joints have lost, as springs and
     joints make it. Where it falls with a power, ln omega^2 is linear instead, so that stiffness stays positive. A
     Bayesian linear regression for each of `list_shapes`, ``CHANGES`` and scatters is averaged by evidence.
-
-    Attributes:
-        amplitude, omega, mass: of the tested resonances, (sweeps,), rad/s. mass_sd: relative standard uncertainty.
-        scatter: relative scatter of a frequency from sweep to sweep, as the mode states it; 0 if it does not.
     """
 
-    amplitude: FloatArray
-    omega: FloatArray
-    mass: FloatArray
-    mass_sd: float
-    scatter: float = 0.0
+    amplitude: FloatArray  #: of the tested resonances, (sweeps,)
+    omega: FloatArray  #: of the tested resonances, rad/s, (sweeps,)
+    mass: FloatArray  #: of the tested resonances, (sweeps,)
+    mass_sd: float  #: relative standard uncertainty
+    scatter: float = 0.0  #: relative, of a frequency from sweep to sweep, as the mode states it; 0 if it does not
 
     def frequency_at(self, amplitude: FloatArray, level: float) -> Interval:
         """Frequency in Hz that the next test would read at each amplitude (rows,); NaN beyond ``FARTHEST``."""

@@ -26,9 +26,9 @@ from scipy.special import ndtri
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.extrapolation import Extrapolation
 from damping.extrapolation.backbone import Backbone, Interval
-from damping.extrapolation.near import NEAREST, ROUNDING
+from damping.extrapolation.levels import OF_PREDICTED, describe_bistability
+from damping.extrapolation.plan import NEAREST, ROUNDING
 from damping.extrapolation.prediction import REFUSAL, Band, Loads, list_cautions
-from damping.extrapolation.states import OF_PREDICTED, describe_bistability
 from damping.infer.doubt import SLOPES
 from damping.infer.observations import Observations
 from damping.records.keys import LARGEST, SMALLEST
@@ -65,21 +65,15 @@ FARTHEST = (NEAREST, 2.0)
 
 @dataclass(frozen=True)
 class Curve:
-    """Resonances at rising amplitudes, or at the requested points.
+    """Resonances at rising amplitudes, or at the requested points."""
 
-    Attributes:
-        level: content of the bands. amplitude, force: the given one of the two has no band. frequency: Hz.
-        damping_ratio, q: of critical damping, and 1/(2 damping_ratio). tested: whether the amplitude, or the given
-            force, lies within the range of the fitted rows. cautions: a tuple for each row.
-    """
-
-    level: float
-    amplitude: Interval
-    force: Interval
-    frequency: Interval
-    damping_ratio: Interval
-    tested: BoolArray
-    cautions: tuple[tuple[str, ...], ...]
+    level: float  #: content of the bands
+    amplitude: Interval  #: without a band where it was given
+    force: Interval  #: without a band where it was given
+    frequency: Interval  #: Hz
+    damping_ratio: Interval  #: of critical damping
+    tested: BoolArray  #: whether the amplitude, or the given force, lies within the range of the fitted rows
+    cautions: tuple[tuple[str, ...], ...]  #: a tuple for each row
 
     @property
     def q(self) -> Interval:

@@ -44,17 +44,14 @@ _DIGITS = 12
 
 @dataclass(frozen=True)
 class Member:
-    """A law in the average: its weight and posterior draws x, (draws, dimension).
-
-    ``joint``: evidence of the resonances for a slipping joint. ``backbone``: their frequencies; None if all are equal.
-    """
+    """A law in the average."""
 
     name: str
     weight: float
     coordinates: Coordinates
-    draws: FloatArray
-    joint: JointEvidence = ANY_JOINT
-    backbone: Backbone | None = None
+    draws: FloatArray  #: of the posterior, (draws, dimension)
+    joint: JointEvidence = ANY_JOINT  #: evidence of the resonances for a slipping joint
+    backbone: Backbone | None = None  #: frequencies of the resonances; None if all are equal
 
     def solve(self, damping: Force, force: FloatArray, data: Observations) -> FloatArray:
         """Resonant amplitudes (draws, forces) under ``force`` (forces,); ``damping``: the force of each draw."""
@@ -80,18 +77,16 @@ class Member:
 
 @dataclass(frozen=True)
 class Spread:
-    """Draws in ln A, (draws, forces): the law's amplitude corrected by the levels, its straying, the noise.
+    """Draws in ln A, (draws, forces).
 
-    ``resonates``: whether the damping force reaches the force at any amplitude. ``short``: whether it is smaller than
-    the force at the largest tested amplitude. A draw that does not resonate has too little damping if it is short;
-    otherwise friction holds the mode.
+    A draw that does not resonate has too little damping if it is ``short``; otherwise friction holds the mode.
     """
 
-    law: FloatArray
-    stray: FloatArray
-    noise: FloatArray
-    resonates: BoolArray
-    short: BoolArray
+    law: FloatArray  #: the law's amplitude, corrected by the levels
+    stray: FloatArray  #: of the exponent
+    noise: FloatArray  #: of the next reading
+    resonates: BoolArray  #: whether the damping force reaches the force at any amplitude
+    short: BoolArray  #: whether it is smaller than the force at the largest tested amplitude
 
     @property
     def total(self) -> FloatArray:
@@ -244,18 +239,13 @@ def _shift_ratio(x: FloatArray, by: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class NextLevel:
-    """The further level that would most shrink the band at a design force.
+    """The further level that would most shrink the band at a design force."""
 
-    Attributes:
-        design, force: design force, and force of the level. width, expected: high/low at the design force now, and
-            with the level. others: ``force, expected``, one row for each candidate level, best first.
-    """
-
-    design: float
-    force: float
-    width: float
-    expected: float
-    others: pd.DataFrame
+    design: float  #: the design force
+    force: float  #: of the level
+    width: float  #: high/low at the design force now
+    expected: float  #: the same with the level
+    others: pd.DataFrame  #: ``force, expected``, one row for each candidate level, best first
 
 
 def list_levels(tested_force: FloatArray, design: float) -> FloatArray:

@@ -16,7 +16,7 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray, join_rows
 from damping.extrapolation.draws import Member, Spread, draw_spreads, find_quantiles, share_out
-from damping.extrapolation.near import ENOUGH_LEVELS, NEAREST, ROUNDING, Plan
+from damping.extrapolation.plan import ENOUGH_LEVELS, NEAREST, ROUNDING, Plan
 from damping.infer.doubt import LIKELY
 from damping.infer.observations import Observations
 
@@ -125,42 +125,32 @@ PARTS = ("measurement_noise", "parameters", "between_model", "discrepancy")
 
 @dataclass(frozen=True)
 class Band:
-    """Median and central interval over forces, arrays (forces,); NaN where there is no prediction.
-
-    ``low`` and ``high`` are predictive; ``credible_low`` and ``credible_high`` are of the law's amplitude alone.
-    """
+    """Median and central interval over forces, arrays (forces,); NaN where there is no prediction."""
 
     name: str
     weight: float
     median: FloatArray
-    low: FloatArray
-    high: FloatArray
-    credible_low: FloatArray
-    credible_high: FloatArray
+    low: FloatArray  #: predictive
+    high: FloatArray  #: predictive
+    credible_low: FloatArray  #: of the law's amplitude alone
+    credible_high: FloatArray  #: of the law's amplitude alone
 
 
 @dataclass(frozen=True)
 class Loads:
-    """Predictions over forces, arrays (forces,).
-
-    Attributes:
-        level: content of the intervals. average: over models by weight. by_model: band of each law.
-        parts: standard deviation of each of ``PARTS``, per cent of amplitude; their squares add to the total variance.
-        linear: amplitude by the viscous coefficient of the sweep with the largest tested force.
-        ratio: force over the largest tested force. cautions: a tuple for each force.
-        limit: force beyond which predictions are refused because levels are too few; infinite if there is none.
-        amplitude: the given amplitudes, if any; ``force`` then holds medians, and the bands are of force.
-    """
+    """Predictions over forces, arrays (forces,)."""
 
     force: FloatArray
-    level: float
-    average: Band
-    by_model: tuple[Band, ...]
+    level: float  #: content of the intervals
+    average: Band  #: over models by weight
+    by_model: tuple[Band, ...]  #: band of each law
+    #: standard deviation of each of ``PARTS``, per cent of amplitude; squares add to the total variance
     parts: dict[str, FloatArray]
-    linear: FloatArray
-    ratio: FloatArray
-    cautions: tuple[tuple[str, ...], ...]
-    limit: float = np.inf
+    linear: FloatArray  #: amplitude by the viscous coefficient of the sweep with the largest tested force
+    ratio: FloatArray  #: force over the largest tested force
+    cautions: tuple[tuple[str, ...], ...]  #: a tuple for each force
+    limit: float = np.inf  #: force beyond which levels are too few to predict; infinite if there is none
+    #: the given ones, if any; ``force`` then holds medians, and the bands are of force
     amplitude: FloatArray | None = None
 
     @property

@@ -61,16 +61,11 @@ def list_parameter_names(name: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Component:
-    """A term of a law: a force with free parameters.
+    """A term of a law: a force with free parameters."""
 
-    Attributes:
-        name: of the force, or of the energy term. build: the force from its parameters, the leading one first.
-        example: the force with all parameters 1, for facts that do not depend on them.
-    """
-
-    name: str
-    build: Callable[..., Force]
-    example: Force
+    name: str  #: of the force, or of the energy term
+    build: Callable[..., Force]  #: the force from its parameters, the leading one first
+    example: Force  #: the force with all parameters 1, for facts that do not depend on them
 
     @property
     def free_shapes(self) -> tuple[Shape, ...]:

@@ -61,15 +61,15 @@ def saturate(most: Floats, held: Floats, omega: Floats) -> tuple[Floats, Floats]
 class SlippingForce(GrowingForce):
     """Force of joints less their ``stiffness`` times q, which is no force while they stick.
 
-    ``stiffness`` k is what slip loses (force/length), ``limit`` A1 the amplitude at which it starts or at which it is
-    complete. The mode's frequency is that of the stuck state.
+    The mode's frequency is that of the stuck state.
     """
 
-    stiffness: Floats
-    limit: Floats
+    stiffness: Floats  #: k, what slip loses (force/length)
+    limit: Floats  #: A1, the amplitude at which it starts or at which it is complete
 
     name: ClassVar[str] = "slip"
     shapes: ClassVar[tuple[Shape, ...]] = (Shape("stiffness", FORCE / LENGTH, least=0.0), LIMIT)
+    joint: ClassVar[type[Joint]] = Joint  #: how it slips
 
     @abstractmethod
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -87,6 +87,11 @@ class SlippingForce(GrowingForce):
     def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
         """-k q: the integrator adds the joints with their memory; here their stuck stiffness is subtracted."""
         return -self.stiffness * q
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """One joint of stiffness k that holds up to k A1."""
+        return (self.joint(self.stiffness, self.limit),)
 
 
 @dataclass(frozen=True)
@@ -134,11 +139,6 @@ class Slip(SlippingForce):
         turned = (1.0 - 2.0 * held - 1j * np.sqrt(squared)) ** 2
         return np.asarray(-1j / (3.0 * pi) * self.stiffness * (A * squared) * turned)
 
-    @property
-    def joints(self) -> tuple[Joint, ...]:
-        """One spring of stiffness k with a slider that holds up to k A1."""
-        return (Joint(self.stiffness, self.limit),)
-
 
 #: ln(A/A1) of the table of a smooth joint: steps of 1 %, right to 2e-5 between; beyond it averages are powers of A.
 _LN_RATIO = np.linspace(-6.0, 12.0, 1801)
@@ -175,6 +175,20 @@ def _tabulate_smooth() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, 
     return ln_C, next(slopes), ln_S, next(slopes), averages[2:] / averages[0]
 
 
+class SmoothJoint(Joint):
+    """A joint of the law of Bouc and Wen: see `SmoothSlip`."""
+
+    def stretch(self, start: float, travel: float) -> float:
+        """z after a one-way ``travel``: relieved to zero along a line, then stretched towards the limit."""
+        way = 1.0 if travel > 0.0 else -1.0
+        along, distance, limit = way * start, abs(travel), float(self.limit)
+        relieved = min(distance, max(-along, 0.0))
+        along += relieved
+        if along < 0.0 or not travel:
+            return way * along
+        return way * (limit - (limit - along) * exp(-(distance - relieved) / limit))
+
+
 @dataclass(frozen=True)
 class SmoothSlip(SlippingForce):
     """A joint that yields gradually: the law of Bouc and Wen with n = 1 and beta = gamma.
@@ -183,6 +197,8 @@ class SmoothSlip(SlippingForce):
     is k (z - q). C tends to 4 k A1/pi, as of `Slip`; small motion loses energy too (Wen 1976). The averages are
     interpolated in a table over ln(A/A1).
     """
+
+    joint: ClassVar[type[Joint]] = SmoothJoint
 
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """C, dC/d ln A, S and dS/d ln A."""
@@ -209,25 +225,6 @@ class SmoothSlip(SlippingForce):
         Z, travel = _stretch_at_turn(A / self.limit), (A + way * q) / self.limit
         z = np.where(travel < Z, travel - Z, -np.expm1(np.minimum(Z - travel, 0.0)))
         return np.asarray(self.stiffness * (self.limit * way * z - q) + zeros(omega))
-
-    @property
-    def joints(self) -> tuple[Joint, ...]:
-        """One joint that yields gradually."""
-        return (SmoothJoint(self.stiffness, self.limit),)
-
-
-class SmoothJoint(Joint):
-    """A joint of the law of Bouc and Wen: see `SmoothSlip`."""
-
-    def stretch(self, start: float, travel: float) -> float:
-        """z after a one-way ``travel``: relieved to zero along a line, then stretched towards the limit."""
-        way = 1.0 if travel > 0.0 else -1.0
-        along, distance, limit = way * start, abs(travel), float(self.limit)
-        relieved = min(distance, max(-along, 0.0))
-        along += relieved
-        if along < 0.0 or not travel:
-            return way * along
-        return way * (limit - (limit - along) * exp(-(distance - relieved) / limit))
 
 
 class Spring(GrowingForce, CoefficientForce):

@@ -16,7 +16,7 @@ from damping.errors import InputError, list_nearest
 
 @dataclass(frozen=True)
 class Dimension:
-    """Powers of ``force``, ``length`` and ``time``; ``raised``: further dimensions to the power of a named parameter.
+    """Powers of ``force``, ``length`` and ``time``.
 
     Written as a product: ``FORCE * (TIME / LENGTH) ** "exponent"``.
     """
@@ -24,7 +24,7 @@ class Dimension:
     force: float = 0.0
     length: float = 0.0
     time: float = 0.0
-    raised: tuple[tuple[str, Dimension], ...] = ()
+    raised: tuple[tuple[str, Dimension], ...] = ()  #: further dimensions to the power of a named parameter
 
     def __mul__(self, other: Dimension) -> Dimension:
         """The product: powers add."""
@@ -117,27 +117,18 @@ class OfAmplitude:
 
 @dataclass(frozen=True)
 class Shape:
-    """One parameter of a force or an effect.
+    """One parameter of a force or an effect."""
 
-    Attributes:
-        name: as in files. unit: its dimension. switch: whether it is only 0 or 1.
-        above, least, below: bounds, value > above, value >= least and value < below.
-        default: value where a file does not name it; None where a file must.
-        prior: of a parameter that is free in a law, other than the coefficient.
-        label: for people, such as ``slip limit``; the name where empty.
-        excludes: parameter that must be 0 or absent where this one is not 0.
-    """
-
-    name: str
-    unit: Dimension = PURE
-    above: float = -inf
-    least: float = -inf
-    below: float = inf
-    default: float | None = None
-    prior: Uniform | OfAmplitude | None = None
-    label: str = ""
-    switch: bool = False
-    excludes: str = ""
+    name: str  #: as in files
+    unit: Dimension = PURE  #: its dimension
+    above: float = -inf  #: value > above
+    least: float = -inf  #: value >= least
+    below: float = inf  #: value < below
+    default: float | None = None  #: value where a file does not name it; None where a file must
+    prior: Uniform | OfAmplitude | None = None  #: of a parameter that is free in a law, other than the coefficient
+    label: str = ""  #: for people, such as ``slip limit``; the name where empty
+    switch: bool = False  #: whether it is only 0 or 1
+    excludes: str = ""  #: parameter that must be 0 or absent where this one is not 0
 
     def prior_value(self, x: FloatArray, tested: Tested) -> FloatArray:
         """The parameter at standard normal ``x``. InputError: without a prior it cannot be free in a law."""

@@ -8,23 +8,25 @@ that neither the file nor the user states; nothing is guessed.
 """
 
 from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from damping.arrays import FloatArray
 from damping.errors import InputError, naming
-from damping.formats.arrays import list_channels
+from damping.formats.arrays import list_array_series, list_channels
 from damping.formats.cells import DECIMALS
 from damping.formats.columns import DELIMITERS, Layout, TextTable, find_roles, open_table
 from damping.formats.conversion import RESPONSES, SCALINGS
-from damping.formats.headers import ABSCISSAS, NAMES, ROLES, refuse_decibels
+from damping.formats.headers import ABSCISSAS, NAMES, ROLES
 from damping.formats.levels import LevelTable, split_levels
-from damping.formats.named import UNIT_OF, list_units, note_unheeded_units, require_alike, to_series
-from damping.formats.parts import list_part_series
+from damping.formats.named import UNIT_OF, list_units, note_unheeded_units, require_linear, to_series
 from damping.formats.quantity import SYSTEMS
-from damping.formats.refined import join_refined
+from damping.formats.sampling import find_rows
 from damping.formats.series import FileFacts, Series, Stated, Summary, require_response
+from damping.formats.sweeps import join_refined
 from damping.formats.uff import read_uff
 from damping.formats.wave import read_wav
 from damping.formats.workbook import is_workbook, read_workbook
@@ -36,6 +38,8 @@ _LOOKED_AT = 2100  # first bytes of a file, by which its format is known
 _ARRAYS = ("mat5", "mat73", "hdf5", "tdms", "lvm")
 #: In-phase and quadrature readings, and the redundant magnitude and angle.
 _TWICE = {("x", "y"): ("amplitude", "lead_deg"), ("force_x", "force_y"): ("force", "force_lead_deg")}
+_FIRST = 1000  # samples by which the times of a signal are known
+_ENDLESS = 2**53  # samples of a file of unknown length
 
 
 def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_SIZE) -> tuple[list[Series], Summary]:
@@ -56,7 +60,7 @@ def _list_series(path: str | Path, stated: Stated, summary: Summary, max_size: i
     kind = find_format(path, stated, summary)
     _heeded(stated, kind)
     if kind in _ARRAYS:
-        return list_part_series(path, kind, stated, summary, max_size)
+        return _list_part_series(path, kind, stated, summary, max_size)
     data = read_bytes(path, max_size)
     if kind == "uff":
         return read_uff(data, summary, stated.datasets, stated.labels)
@@ -70,11 +74,44 @@ def _list_series(path: str | Path, stated: Stated, summary: Summary, max_size: i
     return [series for level in tables for series in _list_table_series(level, path, kind, stated, summary)]
 
 
+def _list_part_series(path: str | Path, kind: str, stated: Stated, summary: Summary, max_size: int) -> list[Series]:
+    """Series of a file of arrays, cut to ``stated.span`` if its first samples tell where that is; else whole.
+
+    A part is read without the rest of the file in memory.
+    """
+    if stated.span is not None:
+        with suppress(InputError):  # such as a part beyond the end: the whole says what is wrong
+            own, first = Summary(), list_array_series(path, kind, stated, Summary(), max_size, (0, _FIRST))
+            parts = {_find_part(row, stated.span) for row in first}
+            rows = parts.pop() if len(parts) == 1 else None
+            series = list_array_series(path, kind, stated, own, max_size, rows) if rows else []
+            if rows and all(_holds(row.abscissa, rows, stated.span) for row in series):
+                summary.rows += own.rows
+                summary.notes += own.notes
+                return series
+    return list_array_series(path, kind, stated, summary, max_size)
+
+
+def _find_part(row: Series, span: tuple[float, float]) -> tuple[int, int] | None:
+    """First sample and end of a span of an even motion, by its first samples; None beside a force: all is needed."""
+    t = row.abscissa
+    if not row.is_time or row.force is not None or len(t) < 2 or not t[-1] > t[0]:
+        return None
+    return find_rows(span, float(t[0]), float(t[-1] - t[0]) / (len(t) - 1), _ENDLESS)
+
+
+def _holds(t: FloatArray, rows: tuple[int, int], span: tuple[float, float]) -> bool:
+    """Whether times (n,), of the samples ``rows``, reach over a span, or to the ends of the file."""
+    to_end = len(t) < rows[1] - rows[0]
+    return len(t) > 1 and bool((rows[0] == 0 or t[0] <= span[0]) and (to_end or t[-1] >= span[1]))
+
+
 def _list_table_series(table: TextTable, path: str | Path, kind: str, stated: Stated, summary: Summary) -> list[Series]:
     known = NAMES["amplifier" if kind == "lock-in" else "own"]
     places, response = find_roles(table, stated.columns, known)
     numbers, labels = table.read(places)
     headers = {role: table.headers[place] for role, place in places.items()}
+    require_linear(headers)
     if "auto" in (stated.delimiter, stated.decimal):
         summary.add("table", _describe_layout(table.layout, stated.skip), "found in the file")
     if not stated.columns and kind != "csv":
@@ -82,8 +119,6 @@ def _list_table_series(table: TextTable, path: str | Path, kind: str, stated: St
             if set(parts) <= set(numbers):
                 numbers = {role: values for role, values in numbers.items() if role not in twice}
     for role, header in headers.items():
-        if role in UNIT_OF:
-            refuse_decibels(role, header.text)
         if role in numbers or role == "sweep":
             source = "stated" if role in stated.columns else "by its name"
             summary.add(f"column {describe_shortened(header.text)!r}", f"{role}: {ROLES[role]}", source)
@@ -94,7 +129,6 @@ def _list_table_series(table: TextTable, path: str | Path, kind: str, stated: St
     headers = {role: header for role, header in headers.items() if role in numbers}
     if stated.rate is not None and "amplitude" not in stated.columns and "amplitude" in numbers:  # a signal
         numbers["response"], headers["response"] = numbers.pop("amplitude"), headers.pop("amplitude")
-    require_alike({role: f"{header.unit} {header.scaling or ''}".strip() for role, header in headers.items()})
     if kind == "csv":
         texts = {role: header.text for role, header in headers.items()}
         is_time = "time" in texts and not {"frequency", "omega"} & set(texts)

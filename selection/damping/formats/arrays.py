@@ -9,7 +9,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -22,7 +22,7 @@ from damping.errors import AnalysisError, InputError
 from damping.formats.headers import ABSCISSAS, NAMES, ROLES, describe_angle, refuse_decibels
 from damping.formats.named import UNIT_OF, list_units, note_unheeded_units, to_series
 from damping.formats.quantity import find_powers
-from damping.formats.sampling import SAMPLING, find_abscissa, find_nearest, last_name, list_times, split
+from damping.formats.sampling import SAMPLING, Shapes, find_abscissa, find_nearest, last_name, list_times, split
 from damping.formats.series import FileFacts, Samples, Series, Stated, Summary, require_response
 from damping.records.text import describe_shortened, read_start, too_large
 
@@ -39,7 +39,7 @@ class Arrays:
 
     arrays: dict[str, list[Samples]]  #: by name; a name may stand for several arrays
     units: dict[str, str]  #: stated in the file, by name
-    known: dict[str, tuple[int, ...]]  #: shape of every array in the file
+    known: Shapes
     steps: dict[str, tuple[float, float]]  #: start and step in s of channels against time
     first: int = 0  #: sample of the file with which the arrays begin
 
@@ -133,7 +133,8 @@ def list_array_series(
     path: str | Path, kind: str, stated: Stated, summary: Summary, max_size: int, rows: tuple[int, int] | None = None
 ) -> list[Series]:
     """Series of a file of named arrays or channels; ``rows`` as of ``read_arrays``."""
-    read, first = partial(read_arrays, path, kind, max_size=max_size, rows=rows), rows[0] if rows else 0
+    read_whole, first = partial(read_arrays, path, kind, max_size=max_size), rows[0] if rows else 0
+    read = partial(read_whole, rows=rows)
     channels = kind in ("tdms", "lvm")
     defaults = [] if channels else [name for names in NAMES["own"].values() for name in names]
     contents = read(list(stated.columns.values()) or defaults)
@@ -159,14 +160,13 @@ def list_array_series(
     require_response(names | usual, known, stated, many=kind == "hdf5")
     if names.keys().isdisjoint(ABSCISSAS):
         signal = arrays[main][0]
-        sampled = _list_sampled(path, kind, signal, main, known, max_size, first) if stated.rate is None else None
-        if stated.rate is not None:
+        if stated.rate is None:
+            sampled = _find_sampled(read_whole, signal, main, known, first)
+        else:
             if sampling := [array for array in known if last_name(array) in SAMPLING]:
                 summary.note(f"--rate {stated.rate:g} is stated, beside {', '.join(sampling[:4])} in the file")
-            name = f"--rate {stated.rate:g}"
-            times = list_times("fs", stated.rate, max(signal.shape), first)
-            names, arrays = names | {"time": name}, arrays | {name: [times]}
-        elif sampled is not None:
+            sampled = "time", f"--rate {stated.rate:g}", list_times("fs", stated.rate, max(signal.shape), first)
+        if sampled is not None:
             role, name, values = sampled
             names, arrays = names | {role: name}, arrays | {name: [values]}
         elif usual:
@@ -182,7 +182,7 @@ def list_array_series(
     return _list_each(names, arrays, facts, Path(path).stem, summary)
 
 
-def _find_own_names(arrays: Mapping[str, list[Samples]], known: Mapping[str, tuple[int, ...]]) -> dict[str, str]:
+def _find_own_names(arrays: Mapping[str, list[Samples]], known: Shapes) -> dict[str, str]:
     """Arrays by the role that they are named after. InputError: none of those ``known`` in the file is."""
     if names := {role: name for role, by_role in NAMES["own"].items() for name in by_role if name in arrays}:
         return names
@@ -205,31 +205,22 @@ def _find_whole_name(name: str, arrays: Mapping[str, Any]) -> str:
     return ends[0] if len(ends) == 1 and name not in arrays else name
 
 
-def _list_sampled(
-    path: str | Path,
-    kind: str,
-    signal: Samples,
-    main: str,
-    known: Mapping[str, tuple[int, ...]],
-    max_size: int,
-    first: int,
+def _find_sampled(
+    read: Callable[[Sequence[str]], Arrays], signal: Samples, main: str, known: Shapes, first: int
 ) -> tuple[str, str, FloatArray] | None:
     """Role, name and values of an even abscissa, by a number in the file near the array ``main``; None if none is.
 
-    ``first``: sample with which the signal begins.
-
-    Of a complex response it is the frequency, by its increment.
+    Of a complex response it is the frequency, by its increment. ``first``: sample with which the signal begins.
     """
     kinds = NAMES["rate"]["increment"] if np.iscomplexobj(signal) else SAMPLING
     name = find_nearest([one for one in known if math.prod(known[one]) == 1 and last_name(one) in kinds], main)
     if name is None:
         return None
-    beside = [
-        one for one in known if split(one)[:-1] == split(name)[:-1] and last_name(name) in NAMES["rate"]["increment"]
-    ]
-    names = [name, *(one for one in beside if last_name(one) in NAMES["rate"]["start"])]
-    read = read_arrays(path, kind, names, max_size).arrays
-    step, start = (float(read[one][0].real.reshape(-1)[0]) for one in (name, names[-1]))
+    names, is_increment = [name], last_name(name) in NAMES["rate"]["increment"]
+    beside = [one for one in known if is_increment and split(one)[:-1] == split(name)[:-1]]
+    names += [one for one in beside if last_name(one) in NAMES["rate"]["start"]]
+    numbers = read(names).arrays
+    step, start = (float(numbers[one][0].real.reshape(-1)[0]) for one in (name, names[-1]))
     role = "frequency" if np.iscomplexobj(signal) else "time"
     return role, name, (start if len(names) > 1 else 0.0) + list_times(name, step, max(signal.shape, default=1), first)
 
@@ -238,20 +229,26 @@ def _list_each(
     names: Mapping[str, str], arrays: Mapping[str, list[Samples]], facts: FileFacts, stem: str, summary: Summary
 ) -> list[Series]:
     """Series from arrays; a role has one array for each sweep, or a single one for all."""
-    count = max(len(arrays[name]) for name in names.values())
-    uneven = next((role for role, name in names.items() if len(arrays[name]) not in (1, count)), None)
-    if uneven is not None:
-        number = len(arrays[names[uneven]])
-        raise InputError(f"{number} arrays of {uneven} beside {count} of others", expected=f"1 or {count}")
+    sweeps = list_members(list(names.values()), arrays)
     series: list[Series] = []
-    for k in range(count):
-        of_role = {role: arrays[name][min(k, len(arrays[name]) - 1)] for role, name in names.items()}
-        label = stem if count == 1 else f"{stem} {k + 1}"
-        labels = None
-        if "sweep" in of_role:
-            labels = [f"{value:g}" for value in of_role.pop("sweep").real.reshape(-1)]
-        series += to_series(of_role, labels, facts, label, summary, peak=True)
+    for k, values in enumerate(sweeps, 1):
+        of_role = dict(zip(names, values, strict=True))
+        labels = [f"{value:g}" for value in of_role.pop("sweep").real.reshape(-1)] if "sweep" in of_role else None
+        series += to_series(of_role, labels, facts, stem if len(sweeps) == 1 else f"{stem} {k}", summary, peak=True)
     return series
+
+
+def list_members(names: Sequence[str], arrays: Mapping[str, list[Samples]]) -> list[list[Samples]]:
+    """The arrays of some names, sweep by sweep: of a name one for each, or a single one for all.
+
+    InputError: another number of arrays.
+    """
+    count = max(len(arrays[name]) for name in names)
+    for name in names:
+        if len(arrays[name]) not in (1, count):
+            what = f"{len(arrays[name])} arrays {describe_shortened(name)!r} beside {count} of others"
+            raise InputError(what, expected=f"1 or {count}")
+    return [[arrays[name][min(k, len(arrays[name]) - 1)] for name in names] for k in range(count)]
 
 
 def list_channels(contents: Arrays, stated: Stated, summary: Summary) -> list[Series]:
@@ -292,6 +289,6 @@ def _find_step(name: str, contents: Arrays, stated: Stated) -> tuple[float, floa
     return start, step if stated.rate is None else 1.0 / stated.rate
 
 
-def _has(known: Mapping[str, tuple[int, ...]]) -> str:
+def _has(known: Shapes) -> str:
     listed = ", ".join(f"{name} ({' x '.join(map(str, shape)) or '1'})" for name, shape in list(known.items())[:12])
     return listed or "arrays of numbers"

@@ -231,17 +231,12 @@ def find_roles(
         found = dict(by_name)
         if "amplitude" not in found or {"lead_deg", "lag_deg", "lead"} & set(found):
             found.pop("angle", None)
-    _require_single(found, headers, line)
-    if not {*places, *found} - {"sweep"}:
-        raise _no_role(table)
-    return places | found, response
-
-
-def _require_single(found: Mapping[str, int], headers: Sequence[ColumnHeader], line: int) -> None:
-    """Raise InputError if a column found by its name shares it with another."""
     if name := find_shared_name(found, headers):
         expected = "one, or --column ROLE=NAME or NUMBER"
         raise InputError(f"several columns are {describe_shortened(name)!r}", line=line, expected=expected)
+    if not {*places, *found} - {"sweep"}:
+        raise _no_role(table)
+    return places | found, response
 
 
 def _by_name(headers: Sequence[ColumnHeader], known: Mapping[str, Iterable[str]]) -> tuple[dict[str, int], str | None]:

@@ -62,9 +62,8 @@ class Statements:
         """Add a unit and its origin to the summary, and note another in the file that no factor explains."""
         stated, found = self.stated.units.get(what), self.facts.units.get(what)
         if stated and found and what not in self.stated.scale and not _is_same_unit(stated, found):
-            self.summary.note(
-                f"caution: the file says {found} and {stated} is stated as the unit of {what}, without --scale"
-            )
+            both = f"the file says {found} and {stated} is stated as the unit of {what}"
+            self.summary.note(f"caution: {both}, without --scale")
         self.summary.add(f"unit of {what}", self.unit_of(what), _STATED if self.stated.units.get(what) else _FOUND)
 
 
@@ -213,9 +212,8 @@ def scaling(known: Statements, *, of_force: bool = False) -> float:
         raise InputError(message, expected=f"--scaling {' or '.join(SCALINGS)}")
     if "response" in facts.peak_assumed and not stated.scaling:
         known.summary.add("amplitudes", name, "assumed: the file does not say")
-        known.summary.note(
-            "caution: peak assumed: the file does not say (give --scaling rms or peak-to-peak, else peak)"
-        )
+        remedy = "give --scaling rms or peak-to-peak, else peak"
+        known.summary.note(f"caution: peak assumed: the file does not say ({remedy})")
     else:
         known.summary.add("amplitudes", name, _STATED if stated.scaling else _OF_ROLE)
     return SCALINGS[name]

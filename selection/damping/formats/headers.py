@@ -102,6 +102,11 @@ class ColumnHeader:
         return describe_angle(self.unit)
 
 
+def lower_name(name: str) -> str:
+    """A name in lower case, except a single letter: f and F differ."""
+    return name if len(name) == 1 else name.lower()
+
+
 def describe_angle(unit: str) -> str:
     """``degrees`` or ``radians`` if a unit is one of these, else ''."""
     return _ANGLES.get(unit.lower(), "")
@@ -238,8 +243,8 @@ def list_phases(headers: Sequence[ColumnHeader]) -> list[int]:
 
 
 def find_shared_name(places: Mapping[str, int], headers: Sequence[ColumnHeader]) -> str:
-    """The first name that a column with a role shares with another, '' if none; f and F differ, all phases do not."""
-    titles = [header.title if len(header.title) == 1 else header.title.lower() for header in headers]
+    """The first name that a column with a role shares with another, '' if none; all phases share theirs."""
+    titles = [lower_name(header.title) for header in headers]
     if "angle" in places and len(list_phases(headers)) > 1:
         return "phase"
     return next((titles[place] for place in places.values() if titles.count(titles[place]) > 1), "")

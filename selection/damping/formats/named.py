@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
-from damping.formats.headers import ABSCISSAS, PHASES, RATES, find_abscissa_factor
+from damping.formats.headers import ABSCISSAS, PHASES, RATES, ColumnHeader, find_abscissa_factor, refuse_decibels
 from damping.formats.series import MOST_SWEEPS, FileFacts, Samples, Series, Stated, Summary, convert_angles
 from damping.formats.sweeps import direct_rate, list_sweeps
 
@@ -76,9 +76,8 @@ def to_series(
     is_time, many = role == "time", response.shape[1] > 1
     if many and not is_time and force is not None and force.shape[1] == 1:
         what = f"the {response.shape[1]} columns of the response have one force and are taken as sweeps of one sensor"
-        summary.note(
-            f"caution: {what}; of several sensors keep one (--column 'response=NAME(:,1)'), or damping campaign"
-        )
+        remedy = "of several sensors keep one (--column 'response=NAME(:,1)'), or damping campaign"
+        summary.note(f"caution: {what}; {remedy}")
     series = []
     for k, column in enumerate(response.T):
         of_sweep = None if force is None else force[:, min(k, force.shape[1] - 1)]
@@ -104,9 +103,8 @@ def _rates(arrays: Mapping[str, Samples], units: Mapping[str, str], f: FloatArra
         return None
     text = units.get("sweep_rate", "Hz/s")
     if text.lower() not in RATES:
-        raise InputError(
-            f"sweep_rate in {text}", expected="--unit sweep_rate=UNIT of Hz/s, Hz/min, oct/min, oct/s, dec/min"
-        )
+        expected = "--unit sweep_rate=UNIT of Hz/s, Hz/min, oct/min, oct/s, dec/min"
+        raise InputError(f"sweep_rate in {text}", expected=expected)
     factor, power = RATES[text.lower()]
     rates = np.broadcast_to(_real(_spread(arrays["sweep_rate"], len(f), k, "sweep_rate"), "sweep_rate"), (len(f), k))
     return np.asarray(rates * (factor * f**power)[:, np.newaxis])
@@ -248,6 +246,14 @@ def require_alike(texts: Mapping[str, str]) -> None:
         named = {role: texts[role] for role in parts if texts.get(role)}
         if len(set(named.values())) > 1:
             raise InputError(" and ".join(f"{role} in {text}" for role, text in named.items()), expected="one unit")
+
+
+def require_linear(headers: Mapping[str, ColumnHeader]) -> None:
+    """Raise InputError if columns by role are in decibels, or parts of a phasor in different units or scalings."""
+    for role, header in headers.items():
+        if role in UNIT_OF:
+            refuse_decibels(role, header.text)
+    require_alike({role: f"{header.unit} {header.scaling or ''}".strip() for role, header in headers.items()})
 
 
 def list_units(of_roles: Mapping[str, str], stated: Stated) -> dict[str, str]:

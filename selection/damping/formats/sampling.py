@@ -2,13 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from math import ceil, floor, prod
+from typing import TypeAlias
 
 import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats.headers import ABSCISSAS, NAMES, ROLE_NAMES
+from damping.formats.headers import ABSCISSAS, NAMES, ROLE_NAMES, lower_name
 
+#: Shape of every array in a file by name.
+Shapes: TypeAlias = Mapping[str, tuple[int, ...]]
 #: Names of numbers that say how a time history was sampled.
 SAMPLING = [name for key in ("rate", "step", "increment") for name in NAMES["rate"][key]]
 
@@ -23,21 +26,14 @@ def split(path: str) -> list[str]:
     return path.replace(".", "/").split("/")
 
 
-def find_abscissa(known: Mapping[str, tuple[int, ...]], main: str) -> dict[str, str]:
-    """The first array named like a frequency or a time in laboratory tables, beside the response or in no group.
-
-    Single letters are case-sensitive.
-    """
+def find_abscissa(known: Shapes, main: str) -> dict[str, str]:
+    """The first array named like a frequency or a time in laboratory tables, beside the response or in no group."""
     beside = [name for name in known if split(name)[:-1] in ([], split(main)[:-1])]
     several = [name for name in beside if prod(known[name]) > 1]
     several.sort(key=lambda name: len(split(name)), reverse=True)
-    named = ((role, name) for role in ABSCISSAS for name in several if _is_named(split(name)[-1], ROLE_NAMES[role]))
+    named = ((role, name) for role in ABSCISSAS for name in several if lower_name(split(name)[-1]) in ROLE_NAMES[role])
     role, name = next(named, ("", ""))
     return {role: name} if role else {}
-
-
-def _is_named(name: str, names: Sequence[str]) -> bool:
-    return name in names or (len(name) > 1 and name.lower() in names)
 
 
 def find_nearest(names: Sequence[str], to: str) -> str | None:

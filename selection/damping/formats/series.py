@@ -31,9 +31,8 @@ class FileFacts:
     per_force: bool | None = None  #: whether it is a ratio to force
     scaling: str | None = None  #: a name of ``SCALINGS``
     force_scaling: str | None = None  #: scaling of the force, if separate
-    peak_assumed: Collection[
-        str
-    ] = ()  #: of ``response`` and ``force``: neither a header nor a role says that it is peak
+    #: Of ``response`` and ``force`` those of which neither a header nor a role says that they are peak values.
+    peak_assumed: Collection[str] = ()
     turn: bool = False  #: whether only the turn of the phase shows if it leads or lags
     units: Mapping[str, str] = field(default_factory=dict)  #: texts by quantity (``named.UNIT_OF``)
     angles: Mapping[str, str] = field(default_factory=dict)  #: ``degrees`` or ``radians`` by role, from headers
@@ -112,7 +111,7 @@ def require_finite(name: str, values: Samples) -> None:
 
 #: Names of columns beside x and y which show that these are readings of an amplifier.
 _MODULI = {"r", "mag", "magnitude", "theta"}
-_MOTIONS = ("response", "x", "y", "amplitude")
+_RESPONSES = ("response", "x", "amplitude")  # roles; a y belongs to its x
 
 
 def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: Stated, *, many: bool) -> None:
@@ -121,8 +120,9 @@ def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: S
     ``many``: ``damping campaign`` reads all responses of such a file.
     """
     in_table = {parse_header(name.strip()).name.lower() for name in names}
-    if not set(_MOTIONS) & set(of_role):
-        free = [name.strip() for name in names if name.strip() and name not in of_role.values()]
+    if not set(_RESPONSES) & set(of_role):
+        others = {name for role, name in of_role.items() if role != "y"}
+        free = [name.strip() for name in names if name.strip() and name not in others]
         unit_too = "" if any(parse_header(name).unit for name in free) else " --unit response=UNIT"
         words = {word for name in free for word in re.findall(r"[^\W_]+", name.lower())}
         many |= bool(words & {*NAMES["part"]["angle"], *NAMES["part"]["y"]})  # phases or parts of several sensors

@@ -62,7 +62,7 @@ def _tabulate(series: Sequence[Series], stated: Stated, summary: Summary) -> pd.
             label, frequency = table["sweep"].iloc[problem.row], table["frequency"].iloc[problem.row]
             where = f"sweep {label!r} has a row twice, at {frequency:g} Hz"
         raise InputError(where, column=problem.column, expected=problem.expected)
-    if stated.system in SYSTEMS and not stated.consistent:
+    if not stated.consistent:
         force, length = SYSTEMS[stated.system]
         system = f"force in {force}, amplitude in {length}, time in s, mass in {force} s^2/{length}"
         summary.add("record", system, "stated")

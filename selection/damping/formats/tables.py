@@ -13,11 +13,11 @@ import numpy as np
 
 from damping.errors import InputError
 from damping.formats import find_format
-from damping.formats.arrays import read_arrays
+from damping.formats.arrays import list_members, read_arrays
 from damping.formats.columns import TextTable, open_table
-from damping.formats.headers import ColumnHeader, refuse_decibels
+from damping.formats.headers import ColumnHeader
 from damping.formats.levels import split_levels
-from damping.formats.named import UNIT_OF, list_units, require_alike, to_series
+from damping.formats.named import list_units, require_linear, to_series
 from damping.formats.sampling import split
 from damping.formats.sensors import describe_array, find_setting
 from damping.formats.series import MOST_SWEEPS, FileFacts, Samples, Series, Stated, Summary
@@ -56,17 +56,13 @@ def read_tables(path: Path, stated: Stated, summary: Summary, max_size: int) -> 
     texts = {path.stem: data}
     if kind == "xlsx":
         sheets = list_sheets(data, max_size, stated.decimal)
-        texts = (
-            {title: text for (_, title), text in sheets.items()}
-            if len(sheets) > 1
-            else {path.stem: b"".join(sheets.values())}
-        )
+        several = {title: text for (_, title), text in sheets.items()}
+        texts = several if len(sheets) > 1 else {path.stem: b"".join(sheets.values())}
         stated = replace(stated, delimiter="tab", decimal="point")
     tables = [table for label, text in texts.items() for table in _lay_out(label, text, stated)]
     with_frequency = [table for table in tables if {"frequency", "omega"} & set(table.setting)]
     if not with_frequency:
-        names = ", ".join(header.text for header in tables[0].headers) if tables else "nothing"
-        raise _no_abscissa(names)
+        raise _no_abscissa(", ".join(header.text for header in tables[0].headers))
     for table in tables:
         if table not in with_frequency:
             summary.note(f"{path.name}: sheet {table.label!r} is skipped: no column of frequency")
@@ -103,7 +99,7 @@ def _list_array_tables(path: Path, kind: str, stated: Stated, max_size: int) -> 
     Groups without a frequency have that of the top of the file.
     """
     known = read_arrays(path, kind, [], None, rows=(0, 1)).known
-    wrong = next((name for name in stated.columns.values() if not {name, *map(_leaf, [name])} & _names(known)), None)
+    wrong = next((name for name in stated.columns.values() if not _names([name]) & _names(known)), None)
     if wrong is not None:
         raise InputError(f"no array {describe_shortened(wrong)!r}", expected=describe_shortened(", ".join(known), 100))
     groups: dict[str, list[str]] = {}
@@ -136,7 +132,7 @@ def _names(known: Iterable[str]) -> set[str]:
 
 def _find_rows(names: Sequence[str], stated: Stated) -> dict[str, int]:
     """Arrays of the roles ``SETTING`` in a group, stated ones if they are in it."""
-    there = {role: _leaf(name) for role, name in stated.columns.items() if {name, _leaf(name)} & _names(names)}
+    there = {role: _leaf(name) for role, name in stated.columns.items() if _names([name]) & _names(names)}
     return find_setting([describe_array(name, "") for name in names], there)
 
 
@@ -145,18 +141,11 @@ def _read_group(
 ) -> list[SensorTable]:
     contents = read_arrays(path, kind, names, max_size)
     names = [name for name in names if name in contents.arrays]
-    count = max(len(contents.arrays[name]) for name in names)
-    uneven = next((name for name in names if len(contents.arrays[name]) not in (1, count)), None)
-    if uneven is not None:
-        raise InputError(f"{len(contents.arrays[uneven])} arrays {uneven} beside {count}", expected=f"1 or {count}")
-    tables = []
-    for k in range(count):
-        values = [contents.arrays[name][min(k, len(contents.arrays[name]) - 1)] for name in names]
-        columns = [
-            (describe_array(name, contents.units.get(name, "")), x) for name, x in zip(names, values, strict=True)
-        ]
-        columns = _split_sensors(columns, _find_rows(names, stated))
-        tables.append(_join_arrays(label if count == 1 else f"{label} {k + 1}", columns, stated))
+    headers = [describe_array(name, contents.units.get(name, "")) for name in names]
+    sweeps, tables = list_members(names, contents.arrays), []
+    for k, values in enumerate(sweeps, 1):
+        columns = _split_sensors(list(zip(headers, values, strict=True)), _find_rows(names, stated))
+        tables.append(_join_arrays(label if len(sweeps) == 1 else f"{label} {k}", columns, stated))
     return tables
 
 
@@ -205,10 +194,7 @@ def list_reading_series(
     InputError: decibels, parts in different units, or values that cannot be of these roles.
     """
     headers = {role: table.headers[place] for role, place in roles.items()}
-    for role, header in headers.items():
-        if role in UNIT_OF:
-            refuse_decibels(role, header.text)
-    require_alike({role: f"{header.unit} {header.scaling or ''}".strip() for role, header in headers.items()})
+    require_linear(headers)
     facts = FileFacts(
         units=list_units({role: header.unit for role, header in headers.items() if header.unit}, stated),
         angles={role: header.angle for role, header in headers.items() if header.angle},

@@ -76,10 +76,13 @@ class Function:
 def read_functions(data: bytes, summary: Summary) -> list[Function]:
     """Every function of time or frequency of a universal file, whatever the points and quantities.
 
-    InputError: no data set 58, or a broken one.
+    InputError: no data set 58, a broken one, or none that is such a function.
     """
     data = _as_lines(data)
-    taken, entries = [], [entry for entry in find_sets(data)[0] if entry.function in (*_TAKEN, 5)]
+    sets, _ = find_sets(data)
+    taken, entries = [], [entry for entry in sets if entry.function in (*_TAKEN, 5)]
+    if not entries:
+        raise InputError(f"no data set is a response: the first is {_describe_unfit(sets[0])}", expected=_EXPECTED)
     _note_excitation(entries, summary)
     for entry in entries:
         x, y = values(data, entry)
@@ -93,10 +96,9 @@ def _note_excitation(entries: Sequence[DataSet], summary: Summary) -> None:
     other = next((text for text in texts if _BROADBAND.search(text)), None)
     if other is not None:
         damping = "shows the damping of that motion, not of a sine of the amplitude of its level"
-        use = (
-            "if damping changes with amplitude, levels and predictions are wrong: measure with a stepped or swept sine"
-        )
-        summary.note(f"caution: {describe_shortened(other)!r}: a function of such an excitation {damping}; {use}")
+        wrong = "if damping changes with amplitude, levels and predictions are wrong"
+        said = f"a function of such an excitation {damping}; {wrong}: measure with a stepped or swept sine"
+        summary.note(f"caution: {describe_shortened(other)!r}: {said}")
     elif texts:
         summary.note("functions are taken as measured with a stepped or swept sine of the amplitude of their level")
 

@@ -141,7 +141,8 @@ def write_uff(
 
     Args:
         record: with phases, or with sweeps of one row, which is at phase resonance.
-        length, force: labels of the units, up to 18 characters; '' where none is named.
+        length: label of its unit, up to 18 characters; '' where none is named.
+        force: likewise.
         binary: values as bytes.
         of_base: the column ``force`` is the acceleration of a base.
 

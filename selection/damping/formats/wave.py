@@ -36,7 +36,7 @@ def read_wav(data: bytes, stated: Stated) -> Arrays:
     if not (rate and table.size):
         raise InputError("a WAV file without samples or sampling rate", expected=NAMES["whole"]["wav"])
     table = table.reshape(len(table), -1)
-    known: dict[str, tuple[int, ...]] = {str(k + 1): (len(table),) for k in range(table.shape[1])}
+    known = {str(k + 1): (len(table),) for k in range(table.shape[1])}
     asked = stated.columns.get("response")
     chosen = [name for name in known if asked in (None, name)]
     whole = (-math.inf, math.inf)

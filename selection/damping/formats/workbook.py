@@ -79,15 +79,13 @@ def _write_rows(rows: Sequence[list[object]], decimal: str) -> bytes:
     width = max(map(len, rows))
     first = next(k for k, row in enumerate(rows) if len(row) == width)  # those above have cells of their own number
     padded = (row if k < first or not row else [*row, *[""] * (width - len(row))] for k, row in enumerate(rows))
-    mark = (
-        find_decimal({cell for row in rows for cell in row if isinstance(cell, str)}) if decimal == "auto" else decimal
-    )
-    texts = (map(str, row) if mark == "point" else (_write_cell(cell, mark) for cell in row) for row in padded)
-    return "".join("\t".join(row) + "\n" for row in texts).encode()
+    if decimal == "auto":
+        decimal = find_decimal({cell for row in rows for cell in row if isinstance(cell, str)})
 
+    def write(cell: object) -> str:
+        return write_plainly(cell, decimal) if decimal != "point" and isinstance(cell, str) else str(cell)
 
-def _write_cell(cell: object, decimal: str) -> str:
-    return write_plainly(cell, decimal) if isinstance(cell, str) else str(cell)
+    return "".join("\t".join(map(write, row)) + "\n" for row in padded).encode()
 
 
 def _list_rows(sheet: "ReadOnlyWorksheet", most: int) -> Iterator[list[object]]:

@@ -18,10 +18,9 @@ from damping.effects.contract import Drive
 from damping.effects.masses import share_of_structure
 from damping.errors import AnalysisError
 from damping.records.mode import Mode
-from damping.records.order import find_direction, list_rates, order_taken
 from damping.records.record import Record
 from damping.records.resonance import number_levels, tabulate_resonances
-from damping.records.rows import SweepRows, read_sweep_rows
+from damping.records.rows import SweepRows, find_direction, list_rates, order_taken, read_sweep_rows
 
 #: Standard uncertainty of what was not measured: no information, and residuals stay finite.
 UNSEEN = 1e9

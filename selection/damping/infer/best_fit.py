@@ -55,21 +55,14 @@ MOST = 30_000
 
 @dataclass(frozen=True)
 class BestFit:
-    """A law at its best coefficients >= 0.
+    """A law at its best coefficients >= 0."""
 
-    Attributes:
-        coordinates: the law on its record. coefficients: (components,). shapes: of each component by name. point: the
-        shapes as standard normal variables (shapes,).
-        n: residual of each row, relative amplitude or rad (rows,). squares: sum of n^2 over the variance of the rows.
-        parameters: coefficients above 0 and shapes.
-    """
-
-    coordinates: Coordinates
-    coefficients: FloatArray
-    shapes: tuple[dict[str, float], ...]
-    point: FloatArray
-    n: FloatArray
-    squares: float
+    coordinates: Coordinates  #: the law on its record
+    coefficients: FloatArray  #: (components,)
+    shapes: tuple[dict[str, float], ...]  #: of each component by name
+    point: FloatArray  #: the shapes as standard normal variables (shapes,)
+    n: FloatArray  #: residual of each row, relative amplitude or rad (rows,)
+    squares: float  #: sum of n^2 over the variance of the rows
 
     @property
     def law(self) -> Law:

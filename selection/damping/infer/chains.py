@@ -46,38 +46,26 @@ GROWTH = 1.5
 
 @dataclass(frozen=True)
 class Settings:
-    """Sizes of a run and its convergence criteria.
+    """Sizes of a run and its convergence criteria."""
 
-    Attributes:
-        ensembles, walkers: groups of walkers, and walkers in each. tries: draws that a walker chooses among at a step.
-        first, budget: steps before the first check of convergence; most steps.
-        effective_size, lengths, r_hat: the criteria (at least, at least, at most).
-        draws_kept: draws kept of each ensemble.
-    """
-
-    ensembles: int = 4
-    walkers: int = 8
-    tries: int = 16
-    first: int = 80
-    budget: int = 4_000
-    effective_size: float = 1000.0
-    lengths: float = 50.0
-    r_hat: float = 1.01
-    draws_kept: int = 400
+    ensembles: int = 4  #: groups of walkers
+    walkers: int = 8  #: in each group
+    tries: int = 16  #: draws that a walker chooses among at a step
+    first: int = 80  #: steps before the first check of convergence
+    budget: int = 4_000  #: most steps
+    effective_size: float = 1000.0  #: criterion: at least
+    lengths: float = 50.0  #: criterion: at least
+    r_hat: float = 1.01  #: criterion: at most
+    draws_kept: int = 400  #: of each ensemble
 
 
 @dataclass(frozen=True)
 class Target:
-    """A density to sample.
+    """A density to sample."""
 
-    Attributes:
-        log_density: unnormalised log posterior at x (points, dimension) -> (points,).
-        dimension: number of variables. parameters: named physical parameters at x, which must have converged.
-    """
-
-    log_density: Callable[[FloatArray], FloatArray]
-    dimension: int
-    parameters: Quantities
+    log_density: Callable[[FloatArray], FloatArray]  #: unnormalised log posterior at x (points, dimension) -> (points,)
+    dimension: int  #: number of variables
+    parameters: Quantities  #: named physical parameters at x, which must have converged
 
 
 def load_arviz() -> Any:
@@ -90,23 +78,16 @@ def load_arviz() -> Any:
 
 @dataclass(frozen=True)
 class Convergence:
-    """Convergence of one reported quantity.
-
-    Attributes:
-        r_hat: rank-normalised split R-hat between the ensembles.
-        effective_size: the smallest of those for the bulk, the tails and the mean.
-        autocorrelation: integrated autocorrelation time in steps: draws over their effective size for the mean.
-        lengths: steps after burn-in over that time. monte_carlo_error: standard error of the mean.
-    """
+    """Convergence of one reported quantity."""
 
     name: str
     mean: float
     sd: float
-    r_hat: float
-    effective_size: float
-    autocorrelation: float
-    lengths: float
-    monte_carlo_error: float
+    r_hat: float  #: rank-normalised split R-hat between the ensembles
+    effective_size: float  #: smallest of those for the bulk, the tails and the mean
+    autocorrelation: float  #: integrated time in steps: draws over their effective size for the mean
+    lengths: float  #: steps after burn-in over that time
+    monte_carlo_error: float  #: standard error of the mean
 
 
 def assess_convergence(name: str, values: FloatArray, ensembles: int) -> Convergence:
@@ -143,18 +124,13 @@ def assess_convergence(name: str, values: FloatArray, ensembles: int) -> Converg
 
 @dataclass(frozen=True, kw_only=True)
 class Chains:
-    """A finished run.
+    """A finished run."""
 
-    Attributes:
-        x: kept draws, (ensembles, kept, dimension). diagnoses: one for each reported quantity. failure: the criterion
-        that is missed, empty if none. steps, acceptance: length of each ensemble, mean acceptance fraction.
-    """
-
-    x: FloatArray
-    diagnoses: tuple[Convergence, ...]
-    failure: str
-    steps: int
-    acceptance: float
+    x: FloatArray  #: kept draws, (ensembles, kept, dimension)
+    diagnoses: tuple[Convergence, ...]  #: one for each reported quantity
+    failure: str  #: the criterion that is missed, empty if none
+    steps: int  #: length of each ensemble
+    acceptance: float  #: mean fraction
 
     @property
     def converged(self) -> bool:
@@ -164,10 +140,10 @@ class Chains:
 
 @dataclass(frozen=True, kw_only=True)
 class Posterior(Chains):
-    """Draws of a law's posterior; ``coordinates``: the law and the meaning of ``x``, ``log_z``: its log evidence."""
+    """Draws of a law's posterior."""
 
-    coordinates: Coordinates
-    log_z: float
+    coordinates: Coordinates  #: the law and the meaning of ``x``
+    log_z: float  #: log evidence of the law
 
     @property
     def draws(self) -> FloatArray:
@@ -181,11 +157,9 @@ class Posterior(Chains):
 
 @dataclass(frozen=True)
 class ManyTries:
-    """A move of emcee: every walker chooses among ``tries`` draws of the proposal (see the module).
+    """A move of emcee: every walker chooses among ``tries`` draws of the proposal (see the module)."""
 
-    ``weigh``: ln w at x (points, dimension) -> (points,), which emcee gets in the place of ln p.
-    """
-
+    #: ln w at x (points, dimension) -> (points,), which emcee gets instead of ln p
     weigh: Callable[[FloatArray], FloatArray]
     proposal: Proposal
     tries: int

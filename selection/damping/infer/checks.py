@@ -17,32 +17,25 @@ PARETO_LIMIT = 0.7
 
 @dataclass(frozen=True)
 class LeaveOneOut:
-    """PSIS-LOO of a law.
+    """PSIS-LOO of a law."""
 
-    Attributes:
-        elpd: expected log predictive density. standard_error: of elpd. p: effective number of parameters.
-        pareto_k: of each unit left out (a sweep; a row where there is one sweep only). unit: ``level`` or ``row``.
-        caution: arviz's warning in words, empty if none.
-    """
-
-    elpd: float
-    standard_error: float
-    p: float
-    pareto_k: FloatArray
-    unit: str
-    caution: str
+    elpd: float  #: expected log predictive density
+    standard_error: float  #: of elpd
+    p: float  #: effective number of parameters
+    pareto_k: FloatArray  #: of each unit left out (a sweep; a row where there is one sweep only)
+    unit: str  #: ``level`` or ``row``
+    caution: str  #: arviz's warning in words, empty if none
 
 
 @dataclass(frozen=True)
 class PredictiveCheck:
     """Replicated against measured data by the discrepancy of :func:`damping.infer.likelihood.measure_discrepancy`.
 
-    Attributes:
-        p_value: share of draws whose replicated discrepancy exceeds the measured one; near 0 the law fits worse than
-            its scatter explains, near 1 better.
-        median, low, high: predictive resonant amplitude of each tested sweep, per cent of the measured one, (sweeps,).
+    Intervals are of the predictive resonant amplitude of each tested sweep, per cent of the measured, (sweeps,).
     """
 
+    #: share of draws whose replicated discrepancy exceeds the measured one; near 0 the law fits worse than its scatter
+    #: explains, near 1 better
     p_value: float
     median: FloatArray
     low: FloatArray

@@ -22,6 +22,7 @@ full slip; by both, :func:`extend` widens or narrows the straying. Where all lev
 may be that of a joint.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -94,16 +95,13 @@ OF_FRICTION = 20.0
 
 
 class JointEvidence(NamedTuple):
-    """Evidence of the resonances for a joint: its ``probability``, and its ``fall`` of stiffness over the loss F/A.
+    """Evidence of the resonances for a joint."""
 
-    ``informative``: whether the resonances tell anything; if all levels have one frequency they do not. ``failing``:
-    certainty, 0 to 1, that damping fails at the top of the test without a slipping joint, as of an eddy-current damper
-    beyond its critical speed.
-    """
-
-    probability: float = JOINTS
-    fall: float = 0.0
-    informative: bool = False
+    probability: float = JOINTS  #: of a joint
+    fall: float = 0.0  #: of stiffness over the loss F/A
+    informative: bool = False  #: whether the resonances tell anything; if all levels have one frequency they do not
+    #: certainty, 0 to 1, that damping fails at the top of the test without a slipping joint, as of an eddy-current
+    #: damper beyond its critical speed
     failing: float = 0.0
 
 
@@ -148,24 +146,16 @@ def stray(
         noise: covariance of its errors, (draws, levels, levels).
         at, within, beyond: ln F of the levels and of the places, rising.
     """
-    origin, number = float(np.mean(at)), len(sigma)
-    places = np.concatenate([within, beyond])
-    of_levels, to_levels = stray_covariance(at, at, origin), stray_covariance(places, at, origin)
-    follow = to_levels @ np.linalg.pinv(of_levels, rcond=_ROUNDING, hermitian=True)
-    rest = stray_covariance(places, places, origin) - follow @ to_levels.T
-    variance, directions = np.linalg.eigh(of_levels)
-    directions *= np.copysign(1.0, directions[-1])  # a sign that does not depend on rounding
-    root = np.linalg.cholesky(rest[len(within) :, len(within) :] + _ROUNDING * np.eye(len(beyond)))
-
+    number = len(sigma)
+    of_levels, to_levels, follow, directions, sd_within, root = _follow_levels(tuple(at), tuple(within), tuple(beyond))
     by_levels, by_beyond, by_within, by_errors = rng.spawn(4)
     points = ndtri(np.clip((np.arange(number)[:, None] * _STEPS + rng.random(len(_STEPS))) % 1.0, 1e-12, 1.0 - 1e-12)).T
     x, outward = by_levels.standard_normal((len(at), number)), by_beyond.standard_normal((len(beyond), number))
     outward[:_STEPS_BEYOND] = points[:_STEPS_BEYOND][: len(beyond)]
     x[: -len(_STEPS) + _STEPS_BEYOND - 1 : -1] = points[_STEPS_BEYOND:][: len(at)]
-    levels = ((directions * np.sqrt(np.maximum(variance, 0.0))) @ x).T
+    levels = (directions @ x).T
     drawn = levels @ follow.T
     drawn[:, len(within) :] += (root @ outward).T
-    sd_within = np.sqrt(np.maximum(np.diag(rest)[: len(within)], 0.0))
     drawn[:, : len(within)] += by_within.standard_normal((number, 1)) * sd_within
 
     drawn *= sigma[:, None]
@@ -176,6 +166,25 @@ def stray(
     gained *= (sigma**2)[:, None, None]
     gained[..., 1] += drawn
     return gained[..., 0], gained[..., 1]
+
+
+@lru_cache(maxsize=16)  # shared by all laws on a record
+def _follow_levels(
+    at: tuple[float, ...], within: tuple[float, ...], beyond: tuple[float, ...]
+) -> tuple[FloatArray, ...]:
+    """Of g for sigma = 1, arguments as in `stray`: covariance of the levels, of places and levels, mean at places for
+    g of levels, directions of levels times standard deviations; given the levels, standard deviations within the test
+    and Cholesky factor beyond it."""
+    levels, places, origin = np.array(at), np.array([*within, *beyond]), float(np.mean(at))
+    of_levels, to_levels = stray_covariance(levels, levels, origin), stray_covariance(places, levels, origin)
+    follow = to_levels @ np.linalg.pinv(of_levels, rcond=_ROUNDING, hermitian=True)
+    rest = stray_covariance(places, places, origin) - follow @ to_levels.T
+    variance, directions = np.linalg.eigh(of_levels)
+    directions *= np.copysign(1.0, directions[-1])  # a sign that does not depend on rounding
+    root = np.linalg.cholesky(rest[len(within) :, len(within) :] + _ROUNDING * np.eye(len(beyond)))
+    sd_within = np.sqrt(np.maximum(np.diag(rest)[: len(within)], 0.0))
+    directions = directions * np.sqrt(np.maximum(variance, 0.0))
+    return tuple(map(np.asarray, (of_levels, to_levels, follow, directions, sd_within, root)))
 
 
 def nonlinearity(p: FloatArray) -> FloatArray:

@@ -91,13 +91,25 @@ def list_starts(posterior: Balanced, start: FloatArray) -> tuple[FloatArray, Flo
     """
     coordinates, z = posterior.coordinates, posterior.find_variables(start[None])[0]
     vary = [i for i, name in enumerate(coordinates.names) if name in ("doubt", "scatter", "level_scatter")]
-    scores = np.array(np.meshgrid(*[SCORES] * len(vary))).reshape(len(vary), -1).T
+    scores = _list_scores(len(vary))
     fitted = np.repeat(z[None], 1 + len(scores), axis=0)
     fitted[1:, 0] = 0.0
     fitted[1:, vary] = scores
-    anywhere = np.random.default_rng(0).standard_normal((STARTS, z.size))
-    anywhere[:, 0] = 0.0
-    return fitted, anywhere
+    return fitted, _draw_anywhere(z.size)
+
+
+@cache
+def _list_scores(number: int) -> FloatArray:
+    """Every combination of ``SCORES`` for a number of variables, (combinations, number)."""
+    return np.array(np.meshgrid(*[SCORES] * number)).reshape(number, -1).T
+
+
+@cache
+def _draw_anywhere(d: int) -> FloatArray:
+    """Prior points of a law that fits in the mean, (``STARTS``, d)."""
+    points = np.random.default_rng(0).standard_normal((STARTS, d))
+    points[:, 0] = 0.0
+    return points
 
 
 def find_modes(log_density: LogDensity, fitted: FloatArray, anywhere: FloatArray) -> tuple[FloatArray, FloatArray]:

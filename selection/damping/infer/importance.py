@@ -48,18 +48,12 @@ _fill_space = lru_cache(maxsize=16)(fill_space)
 
 @dataclass(frozen=True)
 class Evidence:
-    """A marginal likelihood and draws of the posterior.
+    """A marginal likelihood and draws of the posterior."""
 
-    Attributes:
-        log_z: natural logarithm of the marginal likelihood. standard_error: its Monte Carlo standard error.
-        draws: resampled by weight, (draws, dimension).
-        effective_draws: 1/sum of squared normalised weights.
-    """
-
-    log_z: float
-    standard_error: float
-    draws: FloatArray
-    effective_draws: float
+    log_z: float  #: natural logarithm of the marginal likelihood
+    standard_error: float  #: of log_z, Monte Carlo
+    draws: FloatArray  #: resampled by weight, (draws, dimension)
+    effective_draws: float  #: 1/sum of squared normalised weights
 
     @property
     def proposal(self) -> Proposal:

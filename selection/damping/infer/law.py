@@ -102,21 +102,14 @@ Part: TypeAlias = tuple[Component, FloatArray, dict[str, FloatArray]]
 
 @dataclass(frozen=True)
 class Coordinates:
-    """The map from standard normal variables ``x`` (..., dimension) to the parameters of a law on given observations.
+    """The map from standard normal variables ``x`` (..., dimension) to the parameters of a law on a record."""
 
-    Attributes:
-        law: the candidate. reference: amplitude, omega, damping force. tested: range of the test.
-        with_level_scatter: whether there are several sweeps of several rows, so that both scatters are parameters.
-        with_doubt: whether the local exponent may stray from the law's (:mod:`damping.infer.doubt`).
-        of_decay: whether levels are judged by force at a given amplitude.
-    """
-
-    law: Law
-    reference: tuple[float, float, float]
-    tested: Tested
-    with_level_scatter: bool
-    with_doubt: bool = False
-    of_decay: bool = False
+    law: Law  #: the candidate
+    reference: tuple[float, float, float]  #: amplitude, omega, damping force
+    tested: Tested  #: range of the test
+    with_level_scatter: bool  #: whether several sweeps of several rows make both scatters parameters
+    with_doubt: bool = False  #: whether the local exponent may stray from the law's (:mod:`damping.infer.doubt`)
+    of_decay: bool = False  #: whether levels are judged by force at a given amplitude
 
     @classmethod
     def of(cls, law: Law, observations: Observations) -> Coordinates:

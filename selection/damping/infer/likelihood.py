@@ -133,7 +133,8 @@ def weigh_levels(
                 discrepancy, log_determinant = _of_levels(sums[:, points], covariance)
                 return np.asarray(-0.5 * discrepancy - 0.5 * log_determinant)
 
-            value = value + by_blocks(weigh, len(x), len(data.sweeps) ** 2)
+            # half of a symmetric matrix is worked on
+            value = value + by_blocks(weigh, len(x), (len(data.sweeps) ** 2 + 1) // 2)
         else:
             value = value - 0.5 * np.sum(sums[1:], axis=0)
     return np.where(np.isfinite(value), value, -np.inf)
@@ -219,7 +220,8 @@ def _of_levels(sums: FloatArray, covariance: FloatArray) -> tuple[FloatArray, Fl
     factor[s] = np.divide(hn, root, out=np.zeros(root.shape), where=root > 0.0)
     within = np.maximum(nn - factor[s] ** 2, 0.0)  # zero for one row per level, up to rounding
     for j in range(s):
-        factor[j:, j] -= np.einsum("rkp,kp->rp", factor[j:, :j], factor[j, :j])
+        if j:
+            factor[j:, j] -= np.einsum("rkp,kp->rp", factor[j:, :j], factor[j, :j])
         factor[j:, j] /= np.sqrt(factor[j, j])
     return np.sum(within + factor[s] ** 2, axis=0), 2.0 * np.sum(np.log(pivots), axis=0)
 

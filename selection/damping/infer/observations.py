@@ -35,24 +35,18 @@ ROUNDING = 1e-14
 
 @dataclass(frozen=True)
 class Observations(SweepRows):
-    """Rows of a record with information on damping; arrays of shape (rows,) unless stated.
+    """Rows of a record with information on damping; arrays of shape (rows,) unless stated."""
 
-    Attributes:
-        A: amplitude. D: force in quadrature E/(pi A). R: size of the force in phase with displacement.
-        tested_force, tested_amplitude, tested_omega: phase resonance of each sweep, shape (sweeps,).
-        amplitude_is_input: whether amplitudes were given and forces follow from them, as in a free decay.
-        tested_mass: generalized mass that the record gives for each sweep, NaN for those without. added_mass: known
-            mass added to the structure for each sweep. Either is None where nothing is known.
-    """
-
-    A: FloatArray
-    D: FloatArray
-    R: FloatArray
-    tested_force: FloatArray
-    tested_amplitude: FloatArray
-    tested_omega: FloatArray
-    amplitude_is_input: bool = False
+    A: FloatArray  #: amplitude
+    D: FloatArray  #: force in quadrature E/(pi A)
+    R: FloatArray  #: size of the force in phase with displacement
+    tested_force: FloatArray  #: of the phase resonance of each sweep, (sweeps,)
+    tested_amplitude: FloatArray  #: there, (sweeps,)
+    tested_omega: FloatArray  #: there, rad/s, (sweeps,)
+    amplitude_is_input: bool = False  #: amplitudes were given and forces follow from them, as in a free decay
+    #: generalized mass that the record gives for each sweep, NaN for those without; None without any
     tested_mass: FloatArray | None = None
+    #: known mass added to the structure for each sweep; None where nothing is known
     added_mass: FloatArray | None = None
     PER_SWEEP = ("tested_force", "tested_amplitude", "tested_omega", "tested_mass", "added_mass")
 

@@ -44,15 +44,11 @@ LEAST_BLUR = 0.1
 
 @dataclass(frozen=True)
 class Proposal:
-    """``sum_k share_k t(mean_k, root_k root_k^T)`` in d variables.
+    """``sum_k share_k t(mean_k, root_k root_k^T)`` in d variables."""
 
-    Attributes:
-        shares: (k,), adding to 1. means: (k, d). roots: lower Cholesky factors, (k, d, d).
-    """
-
-    shares: FloatArray
-    means: FloatArray
-    roots: FloatArray
+    shares: FloatArray  #: (k,), adding to 1
+    means: FloatArray  #: (k, d)
+    roots: FloatArray  #: lower Cholesky factors, (k, d, d)
 
     @classmethod
     def around(cls, means: FloatArray, covariances: FloatArray) -> Proposal:

@@ -152,7 +152,7 @@ def build_panel(height: float, x_label: str = "", y_label: str = "", axes: Axes 
 
 def build_panels(height: float, rows: int, columns: int = 1, width: float = WIDTH, **shared: Any) -> tuple[Figure, Any]:
     """A figure of ``height`` by ``width`` inches with panels; ``shared`` as ``Figure.subplots`` has it."""
-    figure = Figure(figsize=(width, height))
+    figure = Drawing(figsize=(width, height))
     return figure, figure.subplots(rows, columns, **shared)
 
 

@@ -34,7 +34,7 @@ def deviations_figure(
         deviation: observed - fitted (n,), in units of the response.
         percent: 100 deviation/observed (n,), NaN where there is none.
     """
-    panels = look.Drawing(figsize=(look.WIDTH, 4.6)).subplots(2, 1, sharex=True) if axes is None else [axes]
+    panels = look.build_panels(4.6, 2, sharex=True)[1] if axes is None else [axes]
     many: dict[str, Any] = {"rasterized": True, "markersize": 1.0, "alpha": 0.5} if len(x) > MANY else {}
     labels = (f"deviation of {response}", "deviation, per cent")
     for panel, values, label in zip(panels, (deviation, percent), labels, strict=False):
@@ -89,8 +89,7 @@ def ranking(table: pd.DataFrame, *, axes: Axes | None = None) -> Figure:
             axes.set_xlabel(f"weight (probability), {len(shown)} of {len(table)} laws")
         return cast(Figure, axes.figure)
     lines = max(len(_wrap_name(law)) for law in table["law"].astype(str))
-    figure = look.Drawing(figsize=(look.WIDTH, 0.9 + (0.08 + 0.13 * lines) * len(table)))
-    weights, errors = figure.subplots(1, 2, sharey=True, width_ratios=(1.0, 1.0))
+    figure, (weights, errors) = look.build_panels(0.9 + (0.08 + 0.13 * lines) * len(table), 1, 2, sharey=True)
     draw_plain_rows(weights, ["\n".join(_wrap_name(law)) for law in table["law"].astype(str)])
     _draw_weights(weights, table, np.arange(float(len(table))), 0.8)
     _draw_errors(errors, table)

@@ -31,7 +31,6 @@ def gap_map(rows: pd.DataFrame, label: str) -> Figure:
     figure, (axes,) = build_panels(1.5 + 0.24 * len(sweeps), 1, len(quantities), sharey=True, squeeze=False)
     reach = max(3.0, float(np.nanquantile(rows["value"].abs(), 0.99)))
     norm = SymLogNorm(linthresh=2.0, vmin=-reach, vmax=reach)
-    drawn = None
     for ax, quantity in zip(axes, quantities, strict=True):
         own = rows[rows["quantity"] == quantity]
         heights = [sweeps.index(sweep) for sweep in own["sweep"]]
@@ -40,12 +39,11 @@ def gap_map(rows: pd.DataFrame, label: str) -> Figure:
         ax.set_xlabel("frequency (Hz)")
         ax.locator_params(axis="x", nbins=max(_MOST_STEPS // len(quantities), 1))
         draw_plain_rows(ax, [f"sweep {sweep}" for sweep in sweeps])
-    if drawn is not None:
-        bar = figure.colorbar(drawn, ax=list(axes), label=label, shrink=0.9, format="%g")
-        bar.set_ticks([tick for tick in _TICKS if abs(tick) <= reach])
-        bar.outline.set_visible(False)
-        if bar.solids is not None:
-            bar.solids.set(rasterized=False, edgecolor="face")  # a page shows no pictures inside of drawings
+    bar = figure.colorbar(drawn, ax=list(axes), label=label, shrink=0.9, format="%g")
+    bar.set_ticks([tick for tick in _TICKS if abs(tick) <= reach])
+    bar.outline.set_visible(False)
+    if bar.solids is not None:
+        bar.solids.set(rasterized=False, edgecolor="face")  # a page shows no pictures inside of drawings
     return figure
 
 
@@ -78,9 +76,9 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str) ->
     with_phase = bool(measured["phase"].notna().any())
     quantities = ("amplitude", "phase") if with_phase else ("amplitude",)
     kinds, bands = len(quantities), -(-len(sweeps) // _PER_ROW)
-    ratios = [1.5, 1.0] * bands if with_phase else [1.0] * bands
-    figure = Figure(figsize=(look.WIDTH, (3.1 if with_phase else 2.1) * bands + 0.5))
-    axes = figure.subplots(bands * kinds, min(_PER_ROW, len(sweeps)), squeeze=False, height_ratios=ratios)
+    height, ratios = (3.1, [1.5, 1.0]) if with_phase else (2.1, [1.0])
+    grid = bands * kinds, min(_PER_ROW, len(sweeps))
+    figure, axes = build_panels(height * bands + 0.5, *grid, squeeze=False, height_ratios=ratios * bands)
     for ax in axes.flat:
         ax.set_visible(False)
     for number, sweep in enumerate(sweeps):

@@ -19,22 +19,19 @@ from damping.forces.shapes import rescale
 from damping.predict.sweep_rate import as_steady
 from damping.records.base_drive import Participation, find_participation, shake
 from damping.records.mode import Mode
-from damping.records.order import list_rates
 from damping.records.record import Record
+from damping.records.rows import list_rates
 from damping.records.view import View, take_median
 
 
 @dataclass(frozen=True)
 class Measured:
-    """Steady states under a modal force, their mode (None if none is given) and notes on what was changed.
-
-    ``driven``: the rows under that force as swept, for the diagnosis, in which the sweep rate is a cause itself.
-    """
+    """Steady states under a modal force."""
 
     record: Record
-    mode: Mode | None
-    driven: Record
-    notes: tuple[str, ...] = ()
+    mode: Mode | None  #: None if none is given
+    driven: Record  #: the rows under that force as swept, for the diagnosis, in which the sweep rate is a cause itself
+    notes: tuple[str, ...] = ()  #: on what was changed
 
 
 def prepare(record: Record, mode: Mode | None = None) -> Measured:

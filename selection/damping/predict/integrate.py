@@ -71,16 +71,13 @@ class Oscillator:
 
 @dataclass(frozen=True)
 class State:
-    """Displacement, velocity and the joints' stretches at time t.
+    """Displacement, velocity and joints at one time."""
 
-    ``sums``: time integrals of q sin(omega t) and q cos(omega t) since the last restart.
-    """
-
-    t: float
-    q: float
-    v: float
-    stretches: tuple[float, ...]
-    sums: FloatArray
+    t: float  #: time
+    q: float  #: displacement
+    v: float  #: velocity
+    stretches: tuple[float, ...]  #: of the joints
+    sums: FloatArray  #: time integrals of q sin(omega t) and q cos(omega t) since the last restart
 
     @property
     def restarted(self) -> State:
@@ -175,16 +172,11 @@ def _move(oscillator: Oscillator, state: State, sign: float, end: float) -> Stat
 
 @dataclass(frozen=True)
 class TimeState:
-    """A steady state of the motion in time.
+    """A steady state of the motion in time."""
 
-    Attributes:
-        amplitude, phase: first harmonic A sin(omega t - phase) of the displacement over a window.
-        state: displacement, velocity and joints at the end, at a zero of the drive, to continue from.
-    """
-
-    amplitude: float
-    phase: float
-    state: State
+    amplitude: float  #: of the first harmonic A sin(omega t - phase) over a window
+    phase: float  #: its lag, rad
+    state: State  #: displacement, velocity and joints at the end, at a zero of the drive, to continue from
 
 
 def steady_state_in_time(

@@ -22,8 +22,8 @@ from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, wr
 from damping.errors import AnalysisError
 from damping.records.check_sweeps import FAST
 from damping.records.implied import NEAR, sense_rate
-from damping.records.order import list_rates
 from damping.records.record import Record
+from damping.records.rows import list_rates
 from damping.records.runs import runs_of
 
 #: (df/dt)/(2 zeta f)^2 below which peaks are not corrected: they are off by less, 0.1 % in amplitude, than the noise
@@ -43,17 +43,13 @@ _LARGEST_LEAD = 0.3
 
 @dataclass(frozen=True)
 class Rate:
-    """A sweep rate in octaves per minute (negative: downwards) and its standard error.
-
-    ``severity``: largest (df/dt)/(2 zeta f)^2 of the record; ``misfit``: root mean square residual of ln a, and
-    ``steady_misfit`` that of steady states whose stiffness and damping change with amplitude.
-    """
+    """A sweep rate in octaves per minute (negative: downwards) and its standard error."""
 
     octaves_a_minute: float
     standard_error: float
-    severity: float
-    misfit: float
-    steady_misfit: float
+    severity: float  #: largest (df/dt)/(2 zeta f)^2 of the record
+    misfit: float  #: root mean square residual of ln a
+    steady_misfit: float  #: that of steady states whose stiffness and damping change with amplitude
 
 
 def envelope(

@@ -26,7 +26,6 @@ from damping.ranking.candidates import (
     candidate_laws,
     group_equivalents,
     held_out_errors,
-    learn_noise,
     percent_errors,
 )
 from damping.ranking.coefficients import Coefficient, describe_tails, tabulate_coefficients
@@ -51,27 +50,19 @@ EDGE = 0.01
 
 @dataclass(frozen=True)
 class Candidate:
-    """A law's row of the table; missing numbers are NaN.
-
-    Attributes:
-        rank: 1 is best; None where the candidate could not be fitted. score, weight: see the module.
-        held_out_error: root mean square percent error of resonant amplitudes, each predicted from the other levels.
-        average_absolute_percent: mean absolute percent error of resonant amplitudes as fitted.
-        physical: whether all coefficients are >= 0, true of every fit here. equivalents: names of laws with the same
-            predictions.
-        fit, evidence: the source of the numbers.
-    """
+    """A law's row of the table; missing numbers are NaN."""
 
     law: Law
-    rank: int | None = None
+    rank: int | None = None  #: 1 is best; None where the candidate could not be fitted
     coefficients: tuple[Coefficient, ...] = ()
-    score: float = np.nan
-    weight: float = 0.0
+    score: float = np.nan  #: see the module
+    weight: float = 0.0  #: see the module
+    #: root mean square percent error of resonant amplitudes, each predicted from other levels
     held_out_error: float = np.nan
-    average_absolute_percent: float = np.nan
-    physical: bool = False
+    average_absolute_percent: float = np.nan  #: mean absolute percent error of resonant amplitudes as fitted
+    physical: bool = False  #: whether all coefficients are >= 0, true of every fit here
     cautions: tuple[str, ...] = ()
-    equivalents: tuple[str, ...] = ()
+    equivalents: tuple[str, ...] = ()  #: names of laws with the same predictions
     fit: BestFit | None = None
     evidence: Evidence | None = None
 
@@ -159,7 +150,7 @@ def weigh_laws(
     fits, failed = _fit_laws(laws, data)
     for row in failed:
         done(row.name)
-    groups = group_equivalents(fits, data, learn_noise(fits, data)) if fits else []
+    groups = group_equivalents(fits, data) if fits else []
     rows = _weigh(groups, data, seed, done, estimate)
     ranked = sorted((row for row in rows if np.isfinite(row.score)), key=lambda row: row.score)
     if not ranked:

@@ -44,25 +44,24 @@ def resonant_laws() -> list[Law]:
     return [law for law in candidate_laws() if law.has_resonance]
 
 
-def learn_noise(fits: Sequence[BestFit], data: Observations) -> FloatArray:
+def _learn_noise(fits: Sequence[BestFit], data: Observations) -> FloatArray:
     """Relative noise of each row (rows,): as stated by the record, else from the fit of smallest scatter s.
 
     s^2 = (s_0^2 + n^T n)/(1 + rows - parameters), with one prior observation s_0 = ``NOISE``, within ``NOISE_RANGE``.
     """
-    finite = (f for f in fits if np.isfinite(f.squares))
-    scatter = min(np.sqrt((NOISE**2 + f.n @ f.n) / (1.0 + max(len(f.n) - f.parameters, 0))) for f in finite)
+    scatter = min(np.sqrt((NOISE**2 + f.n @ f.n) / (1.0 + max(len(f.n) - f.parameters, 0))) for f in fits)
     learnt = np.full(len(data.A), float(np.clip(scatter, *NOISE_RANGE)))
     stated = np.hypot(data.sd_amplitude, np.hypot(data.sd_phase, data.sd_force))
     return np.where(stated > 0.0, stated, learnt)
 
 
-def group_equivalents(fits: Sequence[BestFit], data: Observations, noise: FloatArray) -> list[list[BestFit]]:
+def group_equivalents(fits: Sequence[BestFit], data: Observations) -> list[list[BestFit]]:
     """Groups of laws with the same predictions, each led by the one with fewest terms (then first).
 
     A law joins a group if its best predictions differ from the leader's by less than ``INDISTINCT`` of the noise at
     every row and at ``BEYOND`` times the largest tested force: a further term without effect makes no other law.
     """
-    omega, force = data.tested_omega[data.top], BEYOND * data.tested_force[data.top]
+    noise, omega, force = _learn_noise(fits, data), data.tested_omega[data.top], BEYOND * data.tested_force[data.top]
     order = sorted(fits, key=lambda fit: len(fit.law.parts))
     n = np.array([fit.n for fit in order])
     beyond = np.log(_predict_all(order, force, omega))

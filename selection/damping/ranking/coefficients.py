@@ -18,13 +18,10 @@ LONG_TAIL = 2.0
 
 @dataclass(frozen=True)
 class Coefficient:
-    """One parameter of a law: posterior median, standard deviation, their ratio, and the ``INTERVAL`` interval.
-
-    ``shape`` is empty for the coefficient of a force and names the parameter (``exponent``, ``limit``) otherwise.
-    """
+    """One parameter of a law: posterior median, standard deviation, their ratio, and the ``INTERVAL`` interval."""
 
     force: str
-    shape: str
+    shape: str  #: empty for the coefficient of a force, else the name of the parameter (``exponent``, ``limit``)
     value: float
     std_error: float
     t_ratio: float

@@ -50,17 +50,12 @@ TAIL = 0.05
 
 @dataclass(frozen=True)
 class SharedShape:
-    """A shape parameter of a law that all records share.
+    """A shape parameter of a law that all records share."""
 
-    Attributes:
-        name: of the parameter. pooled: median and ends of the 90 % interval of the shared value. each: likewise for
-            each record alone. log_odds: ln evidence for one shared value less that for separate values.
-    """
-
-    name: str
-    pooled: tuple[float, float, float]
-    each: tuple[tuple[float, float, float], ...]
-    log_odds: float
+    name: str  #: of the parameter
+    pooled: tuple[float, float, float]  #: median and ends of the 90 % interval of the shared value
+    each: tuple[tuple[float, float, float], ...]  #: the same of each record alone
+    log_odds: float  #: ln evidence for one shared value less that for separate values
 
 
 #: Columns of the table of a joint fit with their fields of `Observations`: by row, and by sweep.

@@ -60,22 +60,17 @@ FEWEST_LEVELS = 3  #: with two it is unknown which one is off
 
 @dataclass(frozen=True)
 class FitVerdict:
-    """Whether the leading law fits.
+    """Whether the leading law fits."""
 
-    Attributes:
-        verdict: ``fits`` (p >= .01), ``none fits`` (p < .01 for every candidate), ``poor`` between.
-        p_value: of the leading law. misfit: root mean square of its residuals, per cent of amplitude. law: its name.
-        level_caution: about levels that scatter about the leading law far more than their rows, or about rows that no
-            law fits and that exceed the resonance; empty without either.
-        rough: scatter from row to row over the stated noise where the law fits and it exceeds ``UNDERSTATED``; else 0.
-    """
-
-    verdict: Verdict
-    p_value: float
-    misfit: float
+    verdict: Verdict  #: ``fits`` (p >= .01), ``none fits`` (p < .01 for every candidate), ``poor`` between
+    p_value: float  #: of the leading law
+    misfit: float  #: root mean square of its residuals, per cent of amplitude
+    #: about levels that scatter about the law far more than their rows, or about rows that no law fits and that exceed
+    #: the resonance; empty without either
     level_caution: str = ""
+    #: scatter from row to row over the stated noise, if the law fits and it exceeds ``UNDERSTATED``; else 0
     rough: float = 0.0
-    law: str = ""
+    law: str = ""  #: name of the leading law
 
     @property
     def sentence(self) -> str:

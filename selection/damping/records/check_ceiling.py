@@ -72,10 +72,9 @@ def check_ceiling(view: View) -> Finding | None:
 
 def _report_excess(clipped: list[Excess], highest: Excess, alone: bool) -> Finding:
     sweeps = label_sweeps(excess.run for excess in clipped)
-    what = (
-        f"the largest readings of {name_sweeps(sweeps)}, from {TOP * highest.top:.3g} on, imply {highest.factor:.3g} "
-    )
-    what += f"times the mass that its smaller ones {'do' if alone else 'and lower levels do'}: they are too small"
+    what = f"the largest readings of {name_sweeps(sweeps)}, from {TOP * highest.top:.3g} on, "
+    what += f"imply {highest.factor:.3g} times the mass that its smaller ones "
+    what += f"{'do' if alone else 'and lower levels do'}: they are too small"
     advice = "does the sensor, its amplifier or its range clip them? or does the force fall at resonance, unrecorded"
     advice += ", or a mode stands beside" if alone else ""
     return Finding("sensor-saturation", "caution", what, advice, sweeps)

@@ -7,7 +7,7 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
 from damping.records.implied import INCOHERENT, NEAR, SMOOTH, measure_miss_beside_modes
-from damping.records.odd_levels import WILD
+from damping.records.outliers import WILD
 from damping.records.resonance import find_jump
 from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_run_peaks, order_rows
 from damping.records.view import MOST_NAMED, Finding, View, label_sweeps, name_sweeps, take_median
@@ -90,7 +90,7 @@ def check_edge(view: View) -> Finding | None:
 def check_jump(view: View) -> Finding | None:
     """Sweeps of a bistable mode that jump past their resonance, so that no row is at it."""
     jumps: dict[str, str] = {}
-    table = view.resonances.query("method == 'beside'")
+    table = view.resonances[view.resonances["method"] == "beside"]
     for sweep, offset in zip(table["sweep"].astype(str), table["phase_offset"].astype(float), strict=True):
         rows, _ = order_rows(view.right.frame[view.right.frame["sweep"].astype(str) == sweep])
         F, f, A, phase = (rows[name].to_numpy(float) for name in ("force", "frequency", "amplitude", "phase"))
@@ -112,7 +112,7 @@ def check_coarse(view: View) -> Finding | None:
     """Sweeps without phases whose largest reading lies well below the resonance, because rows are far apart."""
     if view.record.has_phase or "energy" in view.record.frame.columns:
         return None
-    table = view.resonances.query("method == 'between'")
+    table = view.resonances[view.resonances["method"] == "between"]
     largest = view.right.frame.loc[table["row"], ["force", "amplitude"]].to_numpy(dtype=np.float64)
     rise = (table["amplitude"] / table["force"]).to_numpy(dtype=np.float64) * largest[:, 0] / largest[:, 1]
     if not np.any(rise > RISEN):
@@ -120,9 +120,8 @@ def check_coarse(view: View) -> Finding | None:
     sweeps = tuple(table["sweep"][rise > RISEN].astype(str))
     what = f"{name_sweeps(sweeps)}: no row at the resonance, which lies up to {100.0 * (rise.max() - 1.0):.0f} % above "
     what += "the largest reading by a curve through the rows; bands allow for its error"
-    return Finding(
-        "edge-of-sweep", "caution", what, "sweep with closer rows, dwell at the peak or record phases", sweeps
-    )
+    advice = "sweep with closer rows, dwell at the peak or record phases"
+    return Finding("edge-of-sweep", "caution", what, advice, sweeps)
 
 
 SPLIT = 1.03  #: a simulated mode farther than this factor from both of two peaks is neither of them
@@ -147,7 +146,7 @@ def check_several_modes(view: View) -> Finding | None:
     if apart and view.mode is not None and peaks.min() * SPLIT < view.mode.frequency < peaks.max() / SPLIT:
         advice = (
             f"the mode file's {view.mode.frequency:.4g} Hz lies between them: if a part tuned to it splits the mode "
-            "(an absorber, a fluid), cut nothing; damping gap with --despite several-modes decides"
+            "(an absorber, a fluid), or the force drops, cut nothing; damping gap with --despite several-modes decides"
         )
     sweeps = label_sweeps(run for run, _ in further)
     return Finding("several-modes", "refuse" if apart and most else "caution", what, advice, sweeps)
@@ -293,7 +292,7 @@ def _are_peaks(view: View, table: pd.DataFrame, level: IntArray) -> bool:
     if "phase" in table.columns:
         return bool(np.ptp(table["phase"]) < PEAKS_IN_PHASE)
     Z, squared = table["force"] / table["amplitude"], (RAD_S_PER_HZ * table["frequency"]) ** 2
-    stated = view.mode.mass if view.mode and view.mode.drive == "force" else Z.min() / (2.0 * LIGHTEST * squared.mean())
+    mass = np.nan_to_num(view.stated_mass, nan=Z.min() / (2.0 * LIGHTEST * squared.mean()))
     apart = (Z.max() ** 2 - Z.min() ** 2) ** 0.5
     whole = np.ptp(means["amplitude"]) / np.ptp(means["force"])
-    return bool(whole > GROWS_AS_FORCE or apart > BEYOND_INERTIA * stated * np.ptp(squared))
+    return bool(whole > GROWS_AS_FORCE or apart > BEYOND_INERTIA * mass * np.ptp(squared))

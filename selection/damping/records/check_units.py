@@ -233,6 +233,7 @@ _KINDS = {
         "add pi (before it is conditioned: lag = -pi in [node]), or reverse the sensor",
     ),
     "acceleration": ("falls from pi to 0: it is the lead of the acceleration", "take pi - phase"),
+    "folded": ("falls from pi/2 to -pi/2 at resonance: an arc tangent without quadrant", "add pi where it is negative"),
 }
 
 
@@ -240,16 +241,15 @@ def check_phase_sign(view: View) -> Finding | None:
     """Phases with which the structure would supply energy."""
     if not view.wrong_sign:
         return None
-    kinds = {
-        kind: [sweep for sweep, sweep_kind in view.wrong_sign.items() if sweep_kind == kind]
-        for kind in dict.fromkeys(view.wrong_sign.values())
-    }
-    all_alike = len(kinds) == 1 and len(view.wrong_sign) == len(view.record.sweeps)
+    wrong = view.wrong_sign
+    kinds = {kind: [sweep for sweep in wrong if wrong[sweep] == kind] for kind in dict.fromkeys(wrong.values())}
+    all_alike = len(kinds) == 1 and len(wrong) == len(view.record.sweeps)
     named = {kind: "" if all_alike else f" of {name_sweeps(sweeps)}" for kind, sweeps in kinds.items()}
     what = " and ".join(f"the phase{named[kind]} {_KINDS[kind][0]}" for kind in kinds)
     what += ", so the structure would supply energy; the phase must be the lag of displacement behind force, 0 to pi"
     advice = "; ".join(_KINDS[kind][1] + named[kind].replace(" of ", " in ") for kind in kinds)
-    advice += " (lead_deg where the file is imported)" if all_alike else ", and leave the others as they are"
+    imported = "" if "folded" in kinds else " (lead_deg where the file is imported)"
+    advice += imported if all_alike else ", and leave the others as they are"
     return Finding("phase-sign", "refuse", what, advice, tuple(view.wrong_sign))
 
 

@@ -183,21 +183,37 @@ AS_LAG: dict[str, Callable[[FloatArray], FloatArray]] = {
     "negated": lambda phase: -phase,
     "minus pi": lambda phase: phase + pi,
     "acceleration": lambda phase: pi - phase,
+    "folded": lambda phase: np.mod(phase, pi),
 }
+#: Least cosine of a phase between -pi/2 and pi/2, with noise; its largest where A/F is largest: that of pi/4.
+_WITHIN = -0.1
+_TURNED = 0.7
 
 
 def classify_phase(run: Run, turn: Implied) -> str:
-    """Kind of a phase that is not a lag: negated, minus pi, or lead of the acceleration; empty if it may be a lag.
+    """Kind of a phase that is not a lag, of ``AS_LAG``; empty if it may be a lag.
 
     A lag between 0 and pi has a negative sine once negated or reduced by pi: a phase whose sine is positive at every
     row is neither, whatever line its rows follow beside the resonance.
     """
     assert run.phase is not None
+    if is_folded(run.phase, int(np.argmax(run.compliance))):
+        return "folded"
     half = abs(round(turn.offset / (0.5 * pi))) == 2  # the offset is nearest to half a turn
     kind = ("acceleration" if half else "negated") if turn.energy_sign < -CERTAIN else ""
     if half and turn.energy_sign > CERTAIN:
         kind = "minus pi"
     return "" if kind != "acceleration" and bool(np.all(np.sin(run.phase) > 0.0)) else kind
+
+
+def is_folded(phase: FloatArray, peak: int) -> bool:
+    """Whether a phase is a lag modulo pi, as an arc tangent gives: positive before resonance and negative after it.
+
+    The lead of a velocity is so too, but passes 0 at resonance (row ``peak``).
+    """
+    if not 0 < peak < len(phase) - 1 or np.cos(phase).min() < _WITHIN or np.cos(phase[peak]) > _TURNED:
+        return False
+    return bool(np.median(phase[:peak]) > 0.0 > np.median(phase[peak + 1 :]))
 
 
 def has_antiresonance(run: Run) -> bool:

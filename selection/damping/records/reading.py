@@ -15,7 +15,7 @@ import pandas as pd
 from damping.arrays import FloatArray, IntArray
 from damping.errors import InputError, describe_nearest, naming
 from damping.records import keys
-from damping.records.record import CellProblem, Record, find_problems, require_columns
+from damping.records.record import CellProblem, Record, find_problems, read_numbers, require_columns
 from damping.records.text import (
     DEFAULT_MAX_SIZE,
     NUMBER,
@@ -68,9 +68,7 @@ def read_record(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Record
     the mode file's mass then holds.
     """
     numbers = [name for name in keys.REQUIRED_COLUMNS + keys.OPTIONAL_COLUMNS if name not in keys.TEXT_COLUMNS]
-    columns = _Columns(
-        required=keys.REQUIRED_COLUMNS, numbers=numbers, text=keys.TEXT_COLUMNS, blank=keys.BLANK_COLUMNS
-    )
+    columns = _Columns(keys.REQUIRED_COLUMNS, numbers, keys.TEXT_COLUMNS, keys.BLANK_COLUMNS)
     with naming(path):
         if str(path).lower().endswith(".toml"):
             raise InputError("a TOML file in the place of a record", expected="RECORD.csv")
@@ -251,11 +249,8 @@ def require_numbers(
             raise InputError("two columns of this name", file=source, column=name, expected="each name once")
         if name in text and not pd.api.types.is_numeric_dtype(table[name]):
             continue
-        kind = pd.api.types.infer_dtype(table[name])
-        if kind in keys.NO_NUMBERS and kind != "boolean":  # one of 0 and 1 says whether
-            raise InputError(f"holds {kind} values", file=source, column=name, expected=keys.NO_NUMBERS[kind])
-        finite = np.isfinite(pd.to_numeric(table[name], errors="coerce").to_numpy(np.float64))
+        finite = np.isfinite(read_numbers(table[name], name, source, also="boolean"))  # 0 and 1 say whether
         if not finite.all():
             row = int(np.argmin(finite))
             message = f"{str(table[name].iloc[row])!r} in row {row}"
-            raise InputError(message, file=source, column=name, expected="a finite number")
+            raise InputError(message, file=source, column=name, expected=keys.A_NUMBER)

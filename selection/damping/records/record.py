@@ -223,30 +223,35 @@ def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
     repeated = table.columns[table.columns.duplicated()]
     if len(repeated):
         raise InputError("two columns of this name", file=file, column=str(repeated[0]), expected="each name once")
-    for name in (*keys.REQUIRED_COLUMNS, *keys.OPTIONAL_COLUMNS):
-        if name not in typed.columns:
-            continue
+    for name in filter(typed.columns.__contains__, (*keys.REQUIRED_COLUMNS, *keys.OPTIONAL_COLUMNS)):
         cells = typed[name]
         if name in keys.TEXT_COLUMNS:
             typed[name], expected = cells.astype(str).astype(object), "text"
             good = (cells.notna() & (cells.astype(str).str.strip() != "")).to_numpy(dtype=bool)
         else:
-            kind = pd.api.types.infer_dtype(cells)
-            if kind in keys.NO_NUMBERS:
-                raise InputError(f"holds {kind} values", file=file, column=name, expected=keys.NO_NUMBERS[kind])
-            try:
-                typed[name], expected = pd.to_numeric(cells, errors="coerce").astype(np.float64), keys.A_NUMBER
-            except OverflowError:
-                raise InputError("a number too large", file=file, column=name, expected=keys.A_NUMBER) from None
-            good = np.isfinite(typed[name].to_numpy()) | (
-                cells.isna().to_numpy(dtype=bool) & (name in keys.BLANK_COLUMNS)
-            )
+            typed[name], expected = read_numbers(cells, name, file), keys.A_NUMBER
+            may_be_blank = cells.isna().to_numpy(dtype=bool) & (name in keys.BLANK_COLUMNS)
+            good = np.isfinite(typed[name].to_numpy()) | may_be_blank
         if not good.all():
             row = int(np.argmin(good))
             expected = keys.IN_BLANK.get(name, expected) if pd.isna(cells.iloc[row]) else expected
             message = f"{describe_shortened(str(cells.iloc[row]))!r} in {_name_row(table.index, row)}"
             raise InputError(message, file=file, column=name, expected=expected)
     return typed
+
+
+def read_numbers(cells: pd.Series, name: str, file: str | None, also: str = "") -> FloatArray:
+    """The cells of a column from memory as numbers (n,), NaN for text and blanks.
+
+    InputError: values of a kind in ``keys.NO_NUMBERS`` that is not ``also`` taken, or a number too large.
+    """
+    kind = pd.api.types.infer_dtype(cells)
+    if kind in keys.NO_NUMBERS and kind != also:
+        raise InputError(f"holds {kind} values", file=file, column=name, expected=keys.NO_NUMBERS[kind])
+    try:
+        return np.asarray(pd.to_numeric(cells, errors="coerce").astype(np.float64))
+    except OverflowError:
+        raise InputError("a number too large", file=file, column=name, expected=keys.A_NUMBER) from None
 
 
 def energy_per_cycle(record: Record) -> FloatArray:
@@ -287,14 +292,9 @@ def record_to_csv(record: Record | pd.DataFrame) -> str:
 
 
 def _describe_cell(value: object) -> str:
-    if isinstance(value, str):
-        return _quoted(guarded(value))
     if value is None or value is pd.NA or (isinstance(value, float) and math.isnan(value)):
         return ""
     if isinstance(value, float | np.floating):
         return repr(float(value))
-    return _quoted(str(value))
-
-
-def _quoted(text: str) -> str:
+    text = guarded(value) if isinstance(value, str) else str(value)
     return '"' + text.replace('"', '""') + '"' if _QUOTED.search(text) else text

@@ -1,4 +1,4 @@
-"""The rows of a record by sweep, as the ranking of laws and the diagnosis of a gap both read them."""
+"""The rows of a record by sweep, as ranking and diagnosis both read them; their order, direction and sweep rate."""
 
 from __future__ import annotations
 
@@ -18,8 +18,12 @@ class SweepRows:
     """Measured steady states, one entry for each; arrays of shape (rows,), those named in ``PER_SWEEP`` (sweeps,).
 
     Attributes:
-        omega: rad/s. sweep: index of the row's sweep into ``sweeps``, their labels. sd_amplitude, sd_force: relative
-            standard uncertainties; sd_phase: rad; 0 where the record states none.
+        omega: rad/s.
+        sweep: index of the row's sweep into ``sweeps``.
+        sweeps: labels.
+        sd_amplitude: relative standard uncertainty; 0 where the record states none, as for the others.
+        sd_force: likewise.
+        sd_phase: rad.
     """
 
     omega: FloatArray
@@ -68,3 +72,38 @@ def read_sweep_rows(record: Record) -> SweepRows:
         sd_force=record.relative_sd("force"),
         sd_phase=record.column("phase_sd", 0.0),
     )
+
+
+def order_taken(record: Record) -> FloatArray:
+    """Time of each row, -1/2 to 1/2 over the record; the order of the rows where no time is given."""
+    time = np.arange(len(record), dtype=float)
+    if "time" in record.frame.columns and np.isfinite(record.column("time")).all():
+        time = record.column("time")
+    span = float(np.ptp(time))
+    return np.asarray((time - time.min()) / span - 0.5) if span > 0.0 else np.zeros(len(record))
+
+
+def find_direction(record: Record) -> FloatArray:
+    """1 in sweeps whose frequency rises in the order measured, -1 where it falls, (n,)."""
+    time, frequency, up = order_taken(record), record.column("frequency"), np.ones(len(record))
+    for rows in record.frame.groupby("sweep", sort=False).indices.values():
+        t, f = time[rows], frequency[rows]
+        up[rows] = np.sign(np.sum((t - t.mean()) * (f - f.mean()))) or 1.0
+    return up
+
+
+def list_rates(record: Record, rate: float | None) -> FloatArray:
+    """df/dt of each row, Hz/s, (n,): that stated in the row, else of the rig, else of the sweep's other rows; else 0.
+
+    A ``rate`` of the rig above 0 is a speed: df/dt is below 0 in sweeps whose frequency falls. One below 0 is df/dt.
+    """
+    stated, time = record.column("sweep_rate", np.nan), order_taken(record)
+    if rate is not None:
+        return np.where(np.isfinite(stated), stated, rate * find_direction(record) if rate > 0.0 else rate)
+    rates = np.nan_to_num(stated)
+    for rows in map(np.asarray, record.frame.groupby("sweep", sort=False).indices.values()):
+        known = np.isfinite(stated[rows])
+        if known.any():
+            order = rows[known][np.argsort(time[rows[known]], kind="stable")]
+            rates[rows[~known]] = np.interp(time[rows[~known]], time[order], stated[order])
+    return rates

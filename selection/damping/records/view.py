@@ -20,20 +20,18 @@ from damping.records.implied import (
     sense_rate,
 )
 from damping.records.mode import Mode
-from damping.records.odd_levels import WILD, OddLevel, find_odd_level
-from damping.records.order import find_misplaced_rows, list_rates
-from damping.records.record import Record
-from damping.records.resonance import tabulate_resonances
-from damping.records.runs import (
-    FEWEST_ROWS,
-    WHITE,
-    Run,
+from damping.records.outliers import (
+    WILD,
+    OddLevel,
+    find_misplaced_rows,
+    find_odd_level,
     find_stray_rows,
     find_wild_rows,
-    has_resonance,
-    measure_whiteness,
-    runs_of,
 )
+from damping.records.record import Record
+from damping.records.resonance import tabulate_resonances
+from damping.records.rows import list_rates
+from damping.records.runs import FEWEST_ROWS, WHITE, Run, has_resonance, measure_whiteness, runs_of
 
 SURE = 0.2  #: relative scatter beyond which the mass from pairs of rows is unknown
 #: Largest phase offset, rad, that is subtracted from the lags; a larger one means another kind of phase.
@@ -87,6 +85,11 @@ class View:
     record: Record
     mode: Mode | None
 
+    @property
+    def stated_mass(self) -> float:
+        """Mass of the mode; NaN if there is none, or for a base drive, of which it is a scale."""
+        return self.mode.mass if self.mode and self.mode.drive == "force" else float("nan")
+
     @cached_property
     def raw(self) -> list[Run]:
         """The runs as recorded."""
@@ -108,9 +111,8 @@ class View:
     def odd(self) -> OddLevel | None:
         """Among sweeps of one row, the level off the trend of the others. Decays are not checked: their levels are not
         read one by one, and vary where two modes beat."""
-        mass = self.mode.mass if self.mode and self.mode.drive == "force" else float("nan")
         one_mass = len(set(self.record.masses(0.0) + self.record.added_masses)) == 1
-        return None if self.record.is_decay else find_odd_level(self.raw, mass, one_mass=one_mass)
+        return None if self.record.is_decay else find_odd_level(self.raw, self.stated_mass, one_mass=one_mass)
 
     @cached_property
     def runs(self) -> list[Run]:
@@ -173,9 +175,8 @@ class View:
         rates = pd.Series(np.abs(list_rates(self.record, of_rig)))
         fastest = rates.groupby(self.record.frame["sweep"].to_numpy()).max()
         etas = self.implied["sweep"].map(fastest) / width**2
-        return {
-            str(sweep): float(eta) for sweep, eta, w in zip(self.implied["sweep"], etas, width, strict=True) if w > 0.0
-        }
+        rows = zip(self.implied["sweep"], etas, width, strict=True)
+        return {str(sweep): float(eta) for sweep, eta, w in rows if w > 0.0}
 
     @cached_property
     def sensed(self) -> float | None:
@@ -193,7 +194,7 @@ class View:
             for leg in self.legs:
                 if leg.run.sweep in self.wrong_sign:
                     table.loc[leg.run.rows, "phase"] = leg.lag
-        return Record(table.reset_index(drop=True), self.record.source)
+        return Record.trusted(table.reset_index(drop=True), self.record.source)
 
     @cached_property
     def resonances(self) -> pd.DataFrame:
@@ -215,8 +216,7 @@ class View:
             mass.setdefault(leg.run.sweep, []).append(leg.mass[0])
         implied = table[["sweep", "frequency", "force", "amplitude", "phase_offset"]].copy()
         implied["mass"] = [take_median(mass.get(sweep, [])) for sweep in table["sweep"]]
-        stated = self.mode.mass if self.mode and self.mode.drive == "force" else np.nan
-        used = self.right.masses(stated)[table["row"].to_numpy()] if len(table) else np.array([])
+        used = self.right.masses(self.stated_mass)[table["row"].to_numpy()] if len(table) else np.array([])
         used = np.where(np.isnan(used), implied["mass"], used)
         omega = RAD_S_PER_HZ * implied["frequency"]
         implied["damping_ratio"] = implied["force"] / (2.0 * used * omega**2 * implied["amplitude"])

@@ -90,13 +90,12 @@ CONSTANT = "1"
 
 @dataclass(frozen=True, order=True)
 class Term:
-    """A product of powers of columns, such as A^2*omega.
+    """A product of powers of columns, such as A^2*omega; the empty product is the constant 1.
 
-    ``powers`` holds (column, exponent) sorted by column, without zero exponents: terms are equal and ordered by them.
-    ``name`` is the term as typed, without spaces. The empty product is the constant 1.
+    Terms are equal and ordered by their powers.
     """
 
-    powers: tuple[tuple[str, float], ...]
+    powers: tuple[tuple[str, float], ...]  #: (column, exponent) sorted by column, without zero exponents
     name: str = field(compare=False)
 
     @property

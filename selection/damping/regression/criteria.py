@@ -92,21 +92,17 @@ LARGEST_LEVERAGE = 0.99
 
 @dataclass(frozen=True)
 class SubsetProblem:
-    """The problem of a subset search, for a response of length 1.
-
-    ``factor`` R and ``duals`` R^-1 (k, k); ``along`` (k,) the response along the basis and ``beyond`` (n,) across it;
-    ``orthonormal`` (n, k); ``rounding`` of the root of a sum of squares.
-    """
+    """The problem of a subset search, for a response of length 1."""
 
     criterion: str
     nonnegative: bool
     observed: FloatArray
-    factor: FloatArray
-    duals: FloatArray
-    orthonormal: FloatArray
-    along: FloatArray
-    beyond: FloatArray
-    rounding: float
+    factor: FloatArray  #: R, (k, k)
+    duals: FloatArray  #: R^-1, (k, k)
+    orthonormal: FloatArray  #: (n, k)
+    along: FloatArray  #: the response along the basis, (k,)
+    beyond: FloatArray  #: the response across it, (n,)
+    rounding: float  #: of the root of a sum of squares
 
     @property
     def k(self) -> int:
@@ -148,19 +144,16 @@ class SubsetProblem:
 
 @dataclass
 class Shortlist:
-    """The best of the subsets that were tried: ``members`` (m, k), with sums of squares ``values`` (m,).
-
-    ``limits`` (k + 1,): the largest sum of squares with which a subset of each size can still enter the list.
-    ``ceiling`` (k + 1,): the limits at the start. ``reach`` (k + 1,): that of any subset of that size or larger.
-    """
+    """The best of the subsets that were tried."""
 
     problem: SubsetProblem
     number: int
     ceiling: FloatArray
-    members: BoolArray = field(init=False)
-    values: FloatArray = field(init=False)
+    members: BoolArray = field(init=False)  #: (m, k)
+    values: FloatArray = field(init=False)  #: their sums of squares, (m,)
+    #: largest sum of squares with which a subset of each size can still enter, (k + 1,)
     limits: FloatArray = field(init=False)
-    reach: FloatArray = field(init=False)
+    reach: FloatArray = field(init=False)  #: that of any subset of that size or larger, (k + 1,)
 
     def __post_init__(self) -> None:
         self.members, self.values = np.zeros((0, self.problem.k), dtype=np.bool_), np.zeros(0)

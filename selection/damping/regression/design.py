@@ -29,12 +29,11 @@ _ALIASES = {"A": ("amplitude", 1.0), "omega": ("frequency", RAD_S_PER_HZ)}
 
 @dataclass(frozen=True)
 class Columns:
-    """The data of a regression: the column (n,) of each requested name, the ``rows`` (n,) of the table used, from 0,
-    and ``notes`` on derived and omitted values."""
+    """The data of a regression."""
 
-    numbers: dict[str, FloatArray]
-    rows: IntArray
-    notes: tuple[str, ...]
+    numbers: dict[str, FloatArray]  #: the column (n,) of each requested name
+    rows: IntArray  #: of the table used, from 0, (n,)
+    notes: tuple[str, ...]  #: on derived and omitted values
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -92,17 +91,13 @@ def take_columns(table: pd.DataFrame, names: Iterable[str], source: str = "table
 
 @dataclass(frozen=True)
 class Design:
-    """Transformed variables phi_k(Q_j) and response E(Q_j).
+    """Transformed variables phi_k(Q_j) and response E(Q_j)."""
 
-    ``columns`` (n, k): one per term; ``tails`` (n, k): their rounding errors as doubles (0 if unknown);
-    ``observed`` (n,); ``names`` of the terms (k) and of the ``response``.
-    """
-
-    names: tuple[str, ...]
-    columns: FloatArray
-    tails: FloatArray
-    response: str
-    observed: FloatArray
+    names: tuple[str, ...]  #: of the terms (k)
+    columns: FloatArray  #: one per term, (n, k)
+    tails: FloatArray  #: their rounding errors as doubles (0 if unknown), (n, k)
+    response: str  #: its name
+    observed: FloatArray  #: the response, (n,)
 
     @property
     def n(self) -> int:
@@ -193,17 +188,13 @@ _TAKES_PART = 1e-6  # share of a column, scaled to unit norm, in the combination
 
 @dataclass(frozen=True)
 class Basis:
-    """columns / scale = orthonormal @ factor.
+    """columns / scale = orthonormal @ factor."""
 
-    ``scale`` (k,) are powers of two, so scaling rounds nothing; ``orthonormal`` (n, k); ``factor`` (k, k) upper
-    triangular and ``inverse`` its inverse; ``condition_number`` is that of the columns scaled to unit norm.
-    """
-
-    scale: FloatArray
-    orthonormal: FloatArray
-    factor: FloatArray
-    inverse: FloatArray
-    condition_number: float
+    scale: FloatArray  #: powers of two, so scaling rounds nothing, (k,)
+    orthonormal: FloatArray  #: (n, k)
+    factor: FloatArray  #: upper triangular, (k, k)
+    inverse: FloatArray  #: of the factor, (k, k)
+    condition_number: float  #: of the columns scaled to unit norm
 
 
 def decompose(design: Design) -> Basis:

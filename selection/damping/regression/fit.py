@@ -23,25 +23,19 @@ from damping.regression.design import Basis, Design, decompose, power_of_two
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted model.
+    """A fitted model. Statistics are NaN without degrees of freedom."""
 
-    ``names`` (k) of the terms; ``coefficients``, ``std_errors``, ``t_ratios``, ``p_values`` (two-sided, Student's t)
-    (k,) and ``covariance`` (k, k) of the coefficients, NaN without degrees of freedom; ``active`` (k,) False for terms
-    that a constraint holds at 0 (they have no statistics); ``observed``, ``deviations`` = observed - fitted and
-    ``leverages`` (n,); ``condition_number`` of all columns scaled to unit norm.
-    """
-
-    names: tuple[str, ...]
-    coefficients: FloatArray
-    std_errors: FloatArray
-    t_ratios: FloatArray
-    p_values: FloatArray
-    covariance: FloatArray
-    active: BoolArray
-    observed: FloatArray
-    deviations: FloatArray
-    leverages: FloatArray
-    condition_number: float
+    names: tuple[str, ...]  #: of the terms (k)
+    coefficients: FloatArray  #: (k,)
+    std_errors: FloatArray  #: (k,)
+    t_ratios: FloatArray  #: (k,)
+    p_values: FloatArray  #: two-sided, Student's t, (k,)
+    covariance: FloatArray  #: of the coefficients, (k, k)
+    active: BoolArray  #: False for terms that a constraint holds at 0 (they have no statistics), (k,)
+    observed: FloatArray  #: (n,)
+    deviations: FloatArray  #: observed - fitted (n,)
+    leverages: FloatArray  #: (n,)
+    condition_number: float  #: of all columns scaled to unit norm
 
     @property
     def n(self) -> int:
@@ -209,30 +203,24 @@ class PowerLaw:
 
     The slope is the exponent: s = p for the force alpha |q'|^p sgn q' (4.3.3) and s = p + 1 for alpha |q| |q'|^p sgn q'
     (4.3.4). The coefficient of each level is alpha = beta F/(omega A)^p (4.3.9) or alpha = B F/(omega^p A^(p+1))
-    (4.3.19).
-
-    ``form``: force name. ``p``: exponent of velocity, with its ``std_error`` (``degrees_of_freedom``: levels - 2) and
-    its t interval of ``level``, ``p_low`` to ``p_high``; NaN without degrees of freedom. ``factor``: beta(p) or B(p).
-    ``alphas``: coefficient of each level (levels,); ``alpha``: their mean, ``std_error_alpha``: standard deviation over
-    the levels over sqrt(levels). ``log_k``, ``slope``: of the line; ``covariance`` of these, (2, 2).
-    ``r_squared_centred``: of ln F about its mean.
+    (4.3.19). Intervals and standard errors of p are NaN without degrees of freedom.
     """
 
-    form: Form
-    p: float
+    form: Form  #: force name
+    p: float  #: exponent of velocity
     std_error: float
-    degrees_of_freedom: int
-    level: float
-    p_low: float
-    p_high: float
-    factor: float
-    alphas: FloatArray
-    alpha: float
-    std_error_alpha: float
-    log_k: float
-    slope: float
-    covariance: FloatArray
-    r_squared_centred: float
+    degrees_of_freedom: int  #: levels - 2
+    level: float  #: content of the t interval
+    p_low: float  #: low end of it
+    p_high: float  #: high end
+    factor: float  #: beta(p) or B(p)
+    alphas: FloatArray  #: coefficient of each level (levels,)
+    alpha: float  #: their mean
+    std_error_alpha: float  #: standard deviation over the levels over sqrt(levels)
+    log_k: float  #: of the line
+    slope: float  #: of the line
+    covariance: FloatArray  #: of these two, (2, 2)
+    r_squared_centred: float  #: of ln F about its mean
 
     def amplitude(self, force: FloatArray | float) -> FloatArray:
         """Resonant amplitude (F/k)^(1/s) of the fitted line (4.3.25 with its root mended, erratum E4325)."""

@@ -41,30 +41,24 @@ _FIRST_BATCH = 8
 class Proof:
     """Proof that a search is complete.
 
-    ``nodes`` fits decided ``subsets`` = 2^k - 1; no subset that qualifies has a score below ``bound``, the best score
-    less its possible rounding error.
+    No subset that qualifies has a score below ``bound``, the best score less its possible rounding error.
     """
 
-    subsets: int
-    nodes: int
+    subsets: int  #: 2^k - 1
+    nodes: int  #: fits that decided them
     bound: float
 
 
 @dataclass(frozen=True)
 class _Nodes:
-    """Nodes b with up to m open terms.
+    """Nodes b with up to m open terms."""
 
-    ``inside`` (b, k) the terms in or open; ``terms`` (b, m) the open ones, the first ``counts`` (b,) of a row;
-    ``duals`` (b, m, k) their dual vectors within the span of ``inside``, 0 beyond the counts; ``rest`` (b, k) of the
-    response across that span; ``leverages`` (b, n) of all terms inside, (b, 0) where they are not needed.
-    """
-
-    inside: BoolArray
-    terms: IntArray
-    counts: IntArray
-    duals: FloatArray
-    rest: FloatArray
-    leverages: FloatArray
+    inside: BoolArray  #: the terms in or open (b, k)
+    terms: IntArray  #: the open ones, the first ``counts`` of a row (b, m)
+    counts: IntArray  #: (b,)
+    duals: FloatArray  #: their dual vectors within the span of ``inside``, 0 beyond the counts (b, m, k)
+    rest: FloatArray  #: of the response across that span (b, k)
+    leverages: FloatArray  #: of all terms inside (b, n), (b, 0) where they are not needed
 
     def __len__(self) -> int:
         return len(self.counts)
@@ -85,12 +79,11 @@ class _Nodes:
 
 @dataclass
 class _Opened:
-    """Nodes with the children to visit: ``parents`` and ``drops`` (c,), the node and the position of the dropped term,
-    most promising last."""
+    """Nodes with the children to visit (c,), most promising last."""
 
     nodes: _Nodes
-    parents: IntArray
-    drops: IntArray
+    parents: IntArray  #: the node
+    drops: IntArray  #: the position of the dropped term
 
     def pop(self, number: int) -> tuple[IntArray, IntArray]:
         taken = self.parents[-number:], self.drops[-number:]

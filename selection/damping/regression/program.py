@@ -53,23 +53,17 @@ def sum_up(fit: Fit) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Regression:
-    """The output of the program for one curve on one table.
+    """The output of the program for one curve on one table."""
 
-    ``design`` holds all terms and the response; ``full`` the fit of all terms without constraint; ``plane`` that of a
-    constant and the independent variables as they are, None where they determine none; ``selected`` what selection
-    chose; ``rows`` (n,) the rows of the table used, from 0; ``independent`` the independent variables by name;
-    ``notes``: unusual facts.
-    """
-
-    data: str
+    data: str  #: name of the table
     choice: Choice
-    design: Design
-    rows: IntArray
-    independent: dict[str, FloatArray]
-    full: Fit
-    plane: Fit | None
-    selected: Selection
-    notes: tuple[str, ...]
+    design: Design  #: all terms and the response
+    rows: IntArray  #: of the table used, from 0, (n,)
+    independent: dict[str, FloatArray]  #: the independent variables by name
+    full: Fit  #: fit of all terms without constraint
+    plane: Fit | None  #: fit of a constant and the independent variables as they are; None if they determine none
+    selected: Selection  #: what selection chose
+    notes: tuple[str, ...]  #: unusual facts
 
 
 def regression(columns: Columns, response: str, terms: Sequence[Term], choice: Choice, data: str = "") -> Regression:

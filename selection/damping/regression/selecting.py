@@ -24,27 +24,24 @@ DIRECTIONS = ("backward", "forward", "stepwise")
 
 @dataclass(frozen=True)
 class Step:
-    """A step: ``action`` is "start", "drop" or "add", ``term`` what is dropped or added, ``reason`` why; ``t_ratio`` is
-    the |T| it rests on (NaN where it rests on none), ``fit`` the model after it and ``score`` that model's criterion as
-    a score, lower is better."""
+    """A step of a selection."""
 
-    action: str
-    term: str
-    reason: str
-    t_ratio: float
-    score: float
-    fit: Fit
+    action: str  #: "start", "drop" or "add"
+    term: str  #: what is dropped or added
+    reason: str  #: why
+    t_ratio: float  #: the |T| it rests on, NaN where on none
+    score: float  #: of the model's criterion, lower is better
+    fit: Fit  #: the model after it
 
 
 @dataclass(frozen=True)
 class Selection:
-    """The selected terms (``chosen``, indices into the design), their ``fit``, the ``steps`` to them ("start" from all
-    terms, or "add" the first to none), and for ``best`` the best ``models``."""
+    """The selected terms."""
 
-    chosen: tuple[int, ...]
+    chosen: tuple[int, ...]  #: indices into the design
     fit: Fit
-    steps: tuple[Step, ...] = ()
-    models: Subsets | None = None
+    steps: tuple[Step, ...] = ()  #: to them: "start" from all terms, or "add" the first to none
+    models: Subsets | None = None  #: the best ones, for the method ``best``
 
 
 Fitter: TypeAlias = Callable[[Design], Fit]
@@ -208,16 +205,15 @@ METHODS = ("none", *DIRECTIONS, "best")
 
 @dataclass(frozen=True)
 class Choice:
-    """How terms are selected: ``method`` of ``METHODS``, ``criterion`` of ``criteria.NAMES``, coefficients >= 0 or
-    free, and the T-ratio at which steps stop (None: the criterion stops them).
+    """How terms are selected.
 
     Raises InputError for a value that is not allowed.
     """
 
-    method: str = "none"
-    criterion: str = "bic"
-    nonnegative: bool = False
-    t_stop: float | None = None
+    method: str = "none"  #: one of ``METHODS``
+    criterion: str = "bic"  #: one of ``criteria.NAMES``
+    nonnegative: bool = False  #: coefficients >= 0, or free
+    t_stop: float | None = None  #: T-ratio at which steps stop; None: the criterion stops them
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:

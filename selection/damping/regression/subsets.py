@@ -32,21 +32,16 @@ _PER_MODEL = ("members", "coefficients", "unit_errors", "sse", "press")
 
 @dataclass(frozen=True)
 class Subsets:
-    """Models m of one response, each a subset of the terms.
+    """Models m of one response, each a subset of the terms."""
 
-    ``members`` (m, k) which terms; ``coefficients`` (m, k), 0 for terms left out; ``unit_errors`` (m, k) standard
-    errors of the coefficients for deviations of variance 1; ``sse`` and ``press`` (m,) sums of squared deviations and
-    leave-one-out errors; ``observed`` (n,); ``names`` (k); ``proof`` that none is better than the first.
-    """
-
-    names: tuple[str, ...]
-    observed: FloatArray
-    members: BoolArray
-    coefficients: FloatArray
-    unit_errors: FloatArray
-    sse: FloatArray
-    press: FloatArray
-    proof: Proof | None = None
+    names: tuple[str, ...]  #: of the terms (k)
+    observed: FloatArray  #: (n,)
+    members: BoolArray  #: which terms (m, k)
+    coefficients: FloatArray  #: 0 for terms left out (m, k)
+    unit_errors: FloatArray  #: standard errors of the coefficients for deviations of variance 1 (m, k)
+    sse: FloatArray  #: sums of squared deviations (m,)
+    press: FloatArray  #: sums of squared leave-one-out errors (m,)
+    proof: Proof | None = None  #: that none is better than the first
 
     def __len__(self) -> int:
         return len(self.sse)

@@ -76,13 +76,10 @@ def _draw_curve(result: RecordResult) -> Drawn | None:
     return Drawn(damping_curve(table, curve.level, unit, tested), f"{result.title}: damping ratio", description)
 
 
-def _draw_fitted(result: RecordResult) -> Drawn | None:
+def _draw_fitted(result: RecordResult) -> Drawn:
     """Measured rows and the leading law: sweeps over frequency, or resonances as amplitude over force."""
     best, data, units = result.ranking.weighted()[0], result.data, result.mode.units
-    if best.fit is None:
-        return None
-    force = best.fit.force
-    record, frame = result.record, result.record.frame
+    force, record, frame = best.fitted.force, result.record, result.record.frame
     factor, length = words.choose_length(units.length, data.tested_amplitude.max())
     swept = [s for s in record.sweeps if (frame["sweep"].astype(str) == s).sum() > 2]
     if swept and result.backbone:
@@ -200,13 +197,13 @@ def draw_design_loads(
         table[["median", "low", "high", "linear"]] *= factor
     figure = design_loads(bands, tested, design, grid.level, units.force, length, grid.limit)
     predictions = words.format_joined(
-        f"at {words.format_force_text(force, units.force)} median {words.number(median)} {length} "
+        f"at {words.format_force_text(force, units.force)} median {words.format_quantity(median, length)} "
         f"({words.number(low)} to {words.number(high)}), linear {words.number(linear)}"
         for force, median, low, high, linear in design[["force", "median", "low", "high", "linear"]].to_numpy()
     )
-    low, high = data.tested_force.min(), data.tested_force.max()
+    tested_forces = words.format_between(data.tested_force.min(), data.tested_force.max(), units.force)
     description = (
-        f"Tested from {words.number(low)} to {words.number(high)} {units.force}; beyond that extrapolated. "
+        f"Tested from {tested_forces}; beyond that extrapolated. "
         f"Resonant amplitude with its {100 * grid.level:g} per cent predictive interval: {predictions}."
     )
     return Drawn(figure, f"{title}: resonant amplitude against force", description)

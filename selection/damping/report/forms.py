@@ -13,7 +13,7 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ
 from damping.extrapolation.curve import Curve
-from damping.extrapolation.near import Plan
+from damping.extrapolation.plan import Plan
 from damping.extrapolation.prediction import PARTS, Loads
 from damping.infer.observations import Observations
 from damping.ranking import Candidate, Ranking

@@ -133,13 +133,13 @@ class Cell(NamedTuple):
 
 @dataclass(frozen=True)
 class Table(Block):
-    """A table: ``formats`` and ``headings`` by column, both optional. ``key``: names its CSV file, where it has one."""
+    """A table."""
 
     frame: pd.DataFrame
     caption: str
-    formats: Mapping[str, Format] = field(default_factory=dict)
-    headings: Mapping[str, str] = field(default_factory=dict)
-    key: str = ""
+    formats: Mapping[str, Format] = field(default_factory=dict)  #: by column, optional
+    headings: Mapping[str, str] = field(default_factory=dict)  #: by column, optional
+    key: str = ""  #: names its CSV file, where it has one
 
     @property
     def columns(self) -> list[Cell]:

@@ -30,15 +30,15 @@ from damping.report.page import Block, Section, write_blocks
 
 @dataclass(frozen=True)
 class LawPosterior:
-    """A sampled law with its checks; ``of_source`` marks a law the source report states, ``file`` is its netCDF."""
+    """A sampled law with its checks."""
 
     law: Law
     weight: float
     posterior: Posterior
     leave_one_out: LeaveOneOut
     check: PredictiveCheck
-    of_source: bool
-    file: bytes = b""
+    of_source: bool  #: whether the source report states this law
+    file: bytes = b""  #: its netCDF
 
 
 @dataclass(frozen=True)
@@ -72,9 +72,9 @@ class RecordResult:
 
 @dataclass(frozen=True)
 class FurtherPage:
-    """A separate page; ``file``: its address relative to the report, without ending (``reproduction/page``)."""
+    """A separate page."""
 
-    file: str
+    file: str  #: its address relative to the report, without ending (``reproduction/page``)
     title: str
     sections: Sequence[Section]
 
@@ -94,15 +94,15 @@ class Exhibit:
 
 @dataclass(frozen=True)
 class StudyResult:
-    """A whole study; ``inputs``: file name to SHA-256, ``versions``: package to version, ``exhibits``: joining it."""
+    """A whole study."""
 
     title: str
     seed: int
     level: float
     records: tuple[RecordResult, ...]
-    inputs: Mapping[str, str]
-    versions: Mapping[str, str]
-    exhibits: tuple[Exhibit, ...] = ()
+    inputs: Mapping[str, str]  #: file name to SHA-256
+    versions: Mapping[str, str]  #: package to version
+    exhibits: tuple[Exhibit, ...] = ()  #: what joins it
 
 
 #: Draws of a prior: the 5 % point of a density is then known to 1 % of its spread.
@@ -134,6 +134,12 @@ def find_largest(loads: Loads | None) -> int | None:
     if loads is None or not np.isfinite(loads.average.median).any():
         return None
     return int(np.nanargmax(np.where(np.isfinite(loads.average.median), loads.force, np.nan)))
+
+
+def list_design_cautions(result: RecordResult) -> tuple[str, ...]:
+    """Cautions at the largest design force that has a prediction, or at the last where none has."""
+    i, design = find_largest(result.design), result.design
+    return () if design is None else design.cautions[-1 if i is None else i]
 
 
 def list_refused(result: RecordResult) -> list[str]:
@@ -180,6 +186,4 @@ def _collect_cautions(result: RecordResult) -> Iterator[str]:
     rough = [s for s in result.posteriors if s.leave_one_out.caution]
     if rough:
         yield f"PSIS-LOO is rough, by arviz's own warning, for {len(rough)} of {count(len(result.posteriors), 'law')}"
-    i = find_largest(result.design)
-    if result.design is not None:
-        yield from result.design.cautions[len(result.design.cautions) - 1 if i is None else i]
+    yield from list_design_cautions(result)

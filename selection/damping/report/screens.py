@@ -28,6 +28,7 @@ from damping.report.results import (
     collect_holders,
     find_largest,
     keep_gravest,
+    list_design_cautions,
     list_refused,
 )
 
@@ -154,12 +155,8 @@ def _tabulate_answers(study: StudyResult) -> Table:
 
 def _list_gravest(result: RecordResult) -> list[str]:
     """The gravest cautions of a record."""
-    cautions = [*list_refused(result), *result.against, *filter(None, [result.ranking.fit.sentence])]
-    cautions += map(str, result.findings)
-    i = find_largest(result.design)
-    if result.design is not None:
-        cautions += result.design.cautions[-1 if i is None else i]
-    return keep_gravest(cautions)
+    first = (*list_refused(result), *result.against, *filter(None, [result.ranking.fit.sentence]))
+    return keep_gravest([*first, *map(str, result.findings), *list_design_cautions(result)])
 
 
 def _list_shown_laws(result: RecordResult) -> list[Candidate]:

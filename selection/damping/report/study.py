@@ -26,12 +26,12 @@ from damping.report.tables import record_tables
 
 @dataclass(frozen=True)
 class Rendered:
-    """``html``: the page. ``tables``, ``figures`` (SVG), ``pages`` (HTML): by name of their file, without ending."""
+    """A study as files, by their names without ending."""
 
-    html: str
+    html: str  #: the page
     tables: dict[str, pd.DataFrame]
-    figures: dict[str, str]
-    pages: dict[str, str]
+    figures: dict[str, str]  #: SVG
+    pages: dict[str, str]  #: HTML
 
 
 def render(study: StudyResult) -> Rendered:

@@ -205,9 +205,9 @@ def tabulate_deviations(result: RecordResult) -> pd.DataFrame:
     observed = tabulate_observations(result)[["sweep", "point", "frequency", "amplitude", "energy"]]
     parts = []
     for candidate in result.ranking.candidates:
-        if candidate.rank is None or candidate.fit is None:  # it could not be fitted
+        if candidate.rank is None:  # it could not be fitted
             continue
-        fitted = np.pi * result.data.A * candidate.fit.force.quadrature(result.data.A, result.data.omega)
+        fitted = np.pi * result.data.A * candidate.fitted.force.quadrature(result.data.A, result.data.omega)
         deviation = observed["energy"] - fitted
         percent = 100.0 * deviation / observed["energy"].where(observed["energy"] != 0.0)
         columns = observed.assign(fitted=fitted, deviation=deviation, percent=percent)

@@ -79,7 +79,8 @@ def node_correction(
     Args:
         F: force amplitude at the node.
         omega: forcing frequency, rad/s.
-        r2_over_i, omega_r: R^2/I (1/mass) and frequency (rad/s) of rigid-body rotation; R^2/I = 0 if the body is fixed.
+        r2_over_i: R^2/I (1/mass) of rigid-body rotation; 0 if the body is fixed.
+        omega_r: its frequency, rad/s.
     """
     undamped = (other.phi * F / (other.mass * (other.omega**2 - omega**2)) for other in others)
     adjacent = tuple(np.asarray(-other.phi * Q / mode.phi) for other, Q in zip(others, undamped, strict=True))

@@ -28,8 +28,10 @@ class ConditioningStep:
     """One step of the conditioning.
 
     Attributes:
-        name, equation: what the step does, and the place in the report.
-        before, after: the working table, rows in the same order (a step may leave rows out).
+        name: what the step does.
+        equation: its place in the report.
+        before: the working table.
+        after: the working table, rows in the same order (a step may leave rows out).
         removed: removed motion, one column per part, on the rows of ``before``; no columns if the step only converts.
             Motion in phase with the force is signed: positive with it, negative against it.
         constants: numbers identified by the step.

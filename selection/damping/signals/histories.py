@@ -91,9 +91,8 @@ def track_sine(blocks: Iterable[FloatArray], drive: int, step: float) -> Tracked
         used = int(crossings[first - 1]) + 1 if first else 0  # keep the trough before the next crossing
         kept, start = kept[:, used:], start + used
     if not rows:
-        raise AnalysisError(
-            f"the drive is no sine over {CYCLES} cycles anywhere: random and impact tests are not supported"
-        )
+        what = f"the drive is no sine over {CYCLES} cycles anywhere"
+        raise AnalysisError(f"{what}: random and impact tests are not supported")
     rows = _drop_passages(rows)
     frequency, rate, time, size, response, third, drifts, _ = (np.array(part) for part in zip(*rows, strict=True))
     rate = _smooth_rate(time, frequency, np.where(np.isnan(drifts), rate, drifts))

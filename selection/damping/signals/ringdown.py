@@ -19,7 +19,6 @@ frequency of that phase resonance is sqrt(omega^2 + delta^2), exactly with visco
 than a spring and has about 3 times the term of d omega/d ln A: twice the term is an uncertainty of the force.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -39,6 +38,7 @@ from damping.signals.releases import (
     report_growth,
 )
 from damping.signals.windows import (
+    PERIODS,
     Window,
     describe_elsewhere,
     describe_flat,
@@ -48,9 +48,6 @@ from damping.signals.windows import (
     thinned,
 )
 
-PERIODS = 6.0  #: periods of the window: it rejects frequencies farther away than some 2/periods of that of the mode
-APART = 2.0  #: least length of a window that separates two modes, over 1/(their distance)
-NEIGHBOUR = 8.0  #: a mode nearer than this over the length of a window leaks into it
 LEVELS = 16  #: most levels of amplitude that a decay is split into
 ABOVE_NOISE = 10.0  #: least amplitude of a level, over the noise
 LEAST_FALL = 0.05  #: least fall of ln A over a level: a smaller one hardly determines the slope
@@ -110,12 +107,15 @@ def ring_down(
     """Amplitude-dependent frequency and damping of one mode from its free decay.
 
     Args:
-        t, x: time (n,) in s, evenly spaced, and motion (n,), the ``order``-th time derivative of displacement.
+        t: time (n,) in s, evenly spaced.
+        x: motion (n,).
+        order: of the time derivative of displacement that x is.
         mass: generalized mass M.
         frequency: of the mode, Hz; that of the decay may differ by some per cent.
         periods: length of the window: a longer one rejects neighbouring modes better, and loses more of the start.
         levels: most levels of amplitude.
-        start, end: part of the record to use, s; by default from the largest amplitude on.
+        start: of the part to use, s; by default the largest amplitude.
+        end: of that part, s.
 
     InputError: times that are not evenly spaced, too few samples per period, or a part that is not in the record.
     AnalysisError: no long enough decay above the noise, one that grows again, or clipped readings.
@@ -153,10 +153,9 @@ def ring_down(
         lost.append(f"of several releases only that at {times[first]:.4g} s is used; {others} takes each")
     returned = find_return(np.abs(z[first:]), ABOVE_NOISE * noise, len(window.offsets))
     if (again := returned / window.omega_0**order) > 0.0:
+        stays = f"motion of amplitude {again:.3g} does not decay, such as hum, drift or a mode beside"
         doubt = f"levels below {again / GROWN:.3g} are doubtful; choose a part without, or another sensor"
-        lost.append(
-            f"caution: motion of amplitude {again:.3g} does not decay, such as hum, drift or a mode beside: {doubt}"
-        )
+        lost.append(f"caution: {stays}: {doubt}")
     shift = float(kept["omega"].iloc[0] / kept["omega"].iloc[-1]) - 1.0
     lost += describe_flat(window, x[first : last + len(window.offsets) - 1], z[first:last], order, shift)
     lost += describe_beat(kept[kept["A"] >= again / GROWN])
@@ -278,22 +277,3 @@ def _decay(kept: pd.DataFrame, mass: float, noise: float, notes: list[str]) -> D
         noise=noise,
         notes=tuple(notes),
     )
-
-
-def list_weights(frequency: float, others: Sequence[float], dt: float, most: int) -> ComplexArray:
-    """Weights (n,) of samples whose weighted sum is half the complex amplitude of a sine of ``frequency`` (Hz) at the
-    middle sample.
-
-    Least squares under a Hann window, with every near mode as (a + b u + c u^2) exp(i omega u), so that its decay is
-    removed too. ``others``: other modes, Hz. ``most``: samples, unless ``PERIODS`` need more.
-    """
-    from scipy.signal.windows import hann  # noqa: PLC0415 - slow to import, and only several modes need it
-
-    nearest = min((abs(other - frequency) for other in others), default=frequency)
-    half = round(0.5 * max(PERIODS / (frequency * dt), min(APART / (nearest * dt), most)))
-    u, root = np.arange(-half, half + 1) / half, np.sqrt(hann(2 * half + 3)[1:-1])
-    near = [other for other in others if abs(other - frequency) * 2.0 * half * dt < NEIGHBOUR]
-    turn = 1j * RAD_S_PER_HZ * dt * half * u
-    waves = [np.exp(frequency * turn), *(u**power * np.exp(other * turn) for other in near for power in range(3))]
-    basis = np.array([*waves, *np.conj(waves)]).T * root[:, np.newaxis]
-    return np.asarray(np.linalg.pinv(basis)[0] * root)

@@ -1,5 +1,6 @@
 """A free decay through a window of some periods: even sampling, band pass, analytic signal and out-of-band noise."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -7,6 +8,9 @@ import numpy as np
 from damping.arrays import RAD_S_PER_HZ, ComplexArray, FloatArray
 from damping.errors import InputError
 
+PERIODS = 6.0  #: periods of the window: it rejects frequencies farther away than some 2/periods of that of the mode
+APART = 2.0  #: least length of a window that separates two modes, over 1/(their distance)
+NEIGHBOUR = 8.0  #: a mode nearer than this over the length of a window leaks into it
 ENOUGH = 32  #: sufficient samples per period: denser records are averaged in groups
 _BESIDE = 4.5  # where noise is measured, in 1/length above the mode: outside the main lobe of the window used there
 _LARGEST_GAP = 2.5  # largest step between samples with jitter, over the mean step; a larger one is a gap
@@ -156,6 +160,25 @@ def flat_window(frequency: float, periods: float, dt: float) -> Window:
     a, b = np.linalg.solve([[zeroth, second], [second, fourth]], [2.0, 0.0])
     flat = np.asarray(weights * (a + b * offsets**2), dtype=np.float64)
     return Window(np.asarray(offsets, dtype=np.float64), flat, RAD_S_PER_HZ * frequency)
+
+
+def list_weights(frequency: float, others: Sequence[float], dt: float, most: int) -> ComplexArray:
+    """Weights (n,) of samples whose weighted sum is half the complex amplitude of a sine of ``frequency`` (Hz) at the
+    middle sample.
+
+    Least squares under a Hann window, with every near mode as (a + b u + c u^2) exp(i omega u), so that its decay is
+    removed too. ``others``: other modes, Hz. ``most``: samples, unless ``PERIODS`` need more.
+    """
+    from scipy.signal.windows import hann  # noqa: PLC0415 - slow to import, and only several modes need it
+
+    nearest = min((abs(other - frequency) for other in others), default=frequency)
+    half = round(0.5 * max(PERIODS / (frequency * dt), min(APART / (nearest * dt), most)))
+    u, root = np.arange(-half, half + 1) / half, np.sqrt(hann(2 * half + 3)[1:-1])
+    near = [other for other in others if abs(other - frequency) * 2.0 * half * dt < NEIGHBOUR]
+    turn = 1j * RAD_S_PER_HZ * dt * half * u
+    waves = [np.exp(frequency * turn), *(u**power * np.exp(other * turn) for other in near for power in range(3))]
+    basis = np.array([*waves, *np.conj(waves)]).T * root[:, np.newaxis]
+    return np.asarray(np.linalg.pinv(basis)[0] * root)
 
 
 def noise_beside(window: Window, x: FloatArray, z: ComplexArray) -> float:
