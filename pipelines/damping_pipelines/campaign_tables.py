@@ -10,7 +10,7 @@ import pandas as pd
 from damping import report as words
 from damping.campaign.answer import Campaign, ModeAnswer
 from damping.campaign.values import At, Response
-from damping.extrapolation.prediction import REFUSAL
+from damping.extrapolation.cautions import REFUSAL
 from damping.report.results import collect_holders, keep_gravest
 from damping_pipelines.terminal import number_whole, number_with_error
 

@@ -28,8 +28,8 @@ from unicodedata import combining, normalize
 import numpy as np
 
 from damping.errors import AnalysisError, InputError
+from damping.extrapolation.cautions import REFUSAL
 from damping.extrapolation.plan import ROUNDING
-from damping.extrapolation.prediction import REFUSAL
 from damping.formats.quantity import find_powers
 from damping.formats.quantity import unit as named_unit
 from damping.report.page import fill_text

@@ -11,8 +11,9 @@ from typing import Any
 import damping
 from damping.answers import CurveResult, LoadsResult, PredictedResult, RankingResult
 from damping.errors import InputError
+from damping.extrapolation.cautions import BEYOND_TEST
 from damping.extrapolation.draws import LEAST_WEIGHT, Member
-from damping.extrapolation.prediction import BEYOND_TEST, Band
+from damping.extrapolation.prediction import Band
 from damping.extrapolation.requested import list_asked
 from damping.ranking import Candidate
 from damping.records.mode import Mode, Units, read_mode

@@ -16,8 +16,9 @@ from matplotlib.ticker import LogLocator, NullLocator
 from damping import plots
 from damping.errors import InputError
 from damping.extrapolation import leave_higher_levels_out, predict_record
+from damping.extrapolation.cautions import REFUSAL
 from damping.extrapolation.plan import Plan
-from damping.extrapolation.prediction import REFUSAL, Loads
+from damping.extrapolation.prediction import Loads
 from damping.extrapolation.prepared import prepare_record
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record

@@ -12,8 +12,9 @@ import pandas as pd
 
 from damping.errors import InputError, describe_nearest
 from damping.extrapolation import Extrapolation
+from damping.extrapolation.cautions import BEYOND_TEST
 from damping.extrapolation.curve import Curve, list_drawn_amplitudes, predict_forces, trace_loads
-from damping.extrapolation.prediction import BEYOND_TEST, Loads
+from damping.extrapolation.prediction import Loads
 from damping.extrapolation.prepared import PreparedRecord
 from damping.ranked_law import RankedLaw
 from damping.ranking import Ranking

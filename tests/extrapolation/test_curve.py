@@ -13,6 +13,7 @@ import damping as dp
 from damping import extrapolation
 from damping.extrapolation import extrapolate_loads
 from damping.extrapolation.backbone import Backbone, find_backbone
+from damping.extrapolation.cautions import UNKNOWN
 from damping.extrapolation.curve import NO_RATIO, find_crossing, predict_forces, trace_loads
 from damping.extrapolation.prediction import PARTS, Band, Loads
 from damping.forces import CubicStiffness, Sum, VelocityPower, VelocitySquared, Viscous
@@ -310,6 +311,46 @@ def test_force_for_an_amplitude_is_the_inverse(peaks, few_laws):
     )
     assert np.isnan(beyond.average.median[0])  # two levels go no farther than 1.5 times the force
     assert "no prediction" in beyond.cautions[0][0]
+
+
+@pytest.mark.parametrize("share", [150.0, 1e6])
+def test_uncertainties_of_many_times_the_value_leave_nothing_known(share, few_laws):
+    """Readings known to a factor of e^150 say nothing of any load, and no warning of numbers out of range appears."""
+    force, M = np.geomspace(1.0, 8.0, 4), 2.0
+    A = resonant_amplitude(VelocitySquared(0.02), force, OMEGA_N)
+    table = {"sweep": list("abcd"), "force": force, "frequency": OMEGA_N / (2.0 * np.pi), "amplitude": A}
+    record = dp.Record(pd.DataFrame({**table, "amplitude_sd": share * A, "force_sd": share * force}))
+    mode = dp.Mode(name="m", frequency=OMEGA_N / (2.0 * np.pi), mass=M, damping={"viscous": {"coefficient": 0.2}})
+    by_force = dp.extrapolate(record, mode, [4.0, 8e3, 1e-3]).to_json()["predictions"]
+    by_amplitude = dp.curve(record, mode, A[-1] * np.array([2.0, 1e4, 1e-4])).to_json()["rows"]
+    ends = [row["damping_ratio"][end] for row in (*by_force, *by_amplitude) for end in ("median", "low", "high")]
+    assert ends == [None] * 18
+    assert all(UNKNOWN in row["cautions"] for row in by_force)
+
+
+def test_nothing_is_said_three_decades_beyond_the_test(peaks, few_laws):
+    """At 1e6 lb the Saturn V had a damping ratio of 4e-274 to 5e275 %: no number is known there, and that is said."""
+    force = np.geomspace(1.0, 4.0, 4)
+    omega = OMEGA_N * (1.0 - 0.002 * np.arange(4))
+    data = peaks(resonant_amplitude(TRUE, force, omega), force, omega)
+    there = extrapolate_loads(data, [8.0, 4e7, 4e9], laws=LAWS, estimate=brief_evidence)
+    assert [UNKNOWN in said for said in there.loads.cautions] == [False, True, True]
+    assert np.isfinite(there.loads.average.high).tolist() == [True, False, False]
+    assert np.isnan([band.high[1:] for band in there.loads.by_model]).all()
+    assert there.next_level is None
+    back = predict_forces(there, data.tested_amplitude.max() * np.array([2.0, 1e4]))
+    assert [UNKNOWN in said for said in back.cautions] == [False, True]
+    assert np.isfinite(back.average.high).tolist() == [True, False]
+
+
+def test_a_band_of_frequency_that_leaves_the_mode_gives_no_ratio(peaks):
+    """Two readings 3 % apart: 30 times beyond them their power of amplitude may have halved the frequency, or not."""
+    A = np.array([1.0, 2.0])
+    omega = OMEGA_N * np.array([1.0, 0.97])
+    loads = known(0.12 * OMEGA_N * (asked := np.array([2.0, 60.0])), asked)
+    traced = trace_loads(loads, backbone_of(A, omega), peaks(A, 0.12 * omega * A, omega))
+    assert [NO_RATIO in said for said in traced.cautions] == [False, True]
+    assert np.isnan([part.high[1] for part in (traced.frequency, traced.damping_ratio)]).all()
 
 
 def test_the_force_for_a_small_amplitude_goes_to_that_of_friction(peaks, few_laws):

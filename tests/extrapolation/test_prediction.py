@@ -8,6 +8,7 @@ import pytest
 from scipy.special import ndtri
 
 from damping.extrapolation import extrapolate_loads
+from damping.extrapolation.cautions import BEYOND_TEST, STAYS_LINEAR
 from damping.extrapolation.draws import (
     Member,
     Spread,
@@ -16,7 +17,7 @@ from damping.extrapolation.draws import (
     draw_spread,
     find_quantiles,
 )
-from damping.extrapolation.prediction import BEYOND_TEST, PARTS, STAYS_LINEAR, linear_amplitude, predict
+from damping.extrapolation.prediction import PARTS, linear_amplitude, predict
 from damping.infer import doubt
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, JointEvidence
 from damping.infer.evidence import evidence

@@ -14,6 +14,8 @@ from damping.effects import CATALOGUE
 from damping.gap.diagnose import explain
 from damping.gap.sense import check_sense
 from damping.gap.simulation import Simulator
+from damping.records.text import Disagreement
+from damping.report.gap import order_cautions
 from tests.gap.limited import limited
 
 MASS, FREQUENCY, LOSS = 2.0, 10.0, 0.02
@@ -144,6 +146,8 @@ def test_a_stiffness_made_with_hz_is_told(record, mode, factor, said):
     (told,) = check_sense(Simulator.read(function, mode), record)
     assert f"resembles the test at {said} times the frequencies, with" in told
     assert "a mistake of rad/s for Hz in its stiffness?" in told
+    first, further = order_cautions(Disagreement(), ["the rows are few", told])
+    assert (first, further) == ([f"T{told[1:]}."], ["the rows are few"])
 
 
 @pytest.mark.parametrize("factor", [1.5, 0.85])

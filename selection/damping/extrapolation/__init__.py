@@ -109,6 +109,8 @@ class Extrapolation:
         if share_out(self.members, spreads) @ ~join_rows(spreads).resonates[:, -1] > REFUSED_SHARE:
             return None
         *tried, design = self.levels
+        if np.isnan(self.loads.average.median[self.loads.force == design]).any():
+            return None
         chosen = choose_next_level(self.members, spreads, np.array(tried), design, self.loads.level)
         return chosen if np.log(chosen.width / chosen.expected) > LEAST_GAIN else None
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.special import logsumexp, ndtr, ndtri
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.extrapolation.loosening import Loosening, find_change, list_shapes
 from damping.forces.contract import Force
 from damping.infer.doubt import FREQUENCY_SCATTER
@@ -57,7 +57,8 @@ NEGLIGIBLE = 1e-6
 FREQUENCY_SCATTER_LOG_SD = 1.5
 #: Quantiles that represent that prior.
 _SCATTERS = FREQUENCY_SCATTER * np.exp(FREQUENCY_SCATTER_LOG_SD * ndtri((np.arange(16) + 0.5) / 16))
-#: A frequency farther than this factor from every tested one belongs to another mode: it is not predicted.
+#: A frequency farther than this factor from every tested one belongs to another mode: it is not predicted, nor
+#: is one whose band reaches so far.
 FARTHEST = 2.0
 #: Relative change of the resonance above which amplitudes are solved along the backbone: the effect of a smaller
 #: change is below the error of a reading.
@@ -71,7 +72,7 @@ _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 #: ln of the amplitudes, over the largest tested one, at which the backbone is tabulated.
 _TABLE = np.linspace(-5.0, 5.0, 201)
 _STEP = _TABLE[1] - _TABLE[0]
-#: Amplitudes, over the largest tested one, are clipped here so that their powers are finite numbers.
+#: Amplitudes, over the largest tested one, are clipped here and at its inverse so that their powers are finite numbers.
 _LARGEST = 1e20
 #: Amplitudes computed at once: the components of each, up to four thousand, take 300 kB.
 _AT_ONCE = 20
@@ -97,13 +98,18 @@ class Backbone:
     def frequency_at(self, amplitude: FloatArray, level: float) -> Interval:
         """Frequency in Hz that the next test would read at each amplitude (rows,); NaN beyond ``FARTHEST``."""
         top = float(self.amplitude.max())
-        within, tail = np.minimum(np.where(np.isfinite(amplitude), amplitude, top), _LARGEST * top), 0.5 * (1.0 - level)
-        at = np.array([0.5, tail, 1.0 - tail])
-        median, low, high = np.exp(self._by_blocks(partial(_find_quantiles, at), within)) / RAD_S_PER_HZ
-        tested = RAD_S_PER_HZ * median / np.array([[self.omega.min()], [self.omega.max()]])
-        known = np.isfinite(amplitude) & (low > 0.0) & np.isfinite(high)
-        near = known & (tested[0] > 1.0 / FARTHEST) & (tested[1] < FARTHEST)
+        within = top * np.clip(np.where(np.isfinite(amplitude), amplitude / top, 1.0), 1.0 / _LARGEST, _LARGEST)
+        tail = 0.5 * (1.0 - level)
+        log_omega = self._by_blocks(partial(_find_quantiles, np.array([0.5, tail, 1.0 - tail])), within)
+        with np.errstate(over="ignore", under="ignore"):  # ends that the uncertainty of the readings leaves open
+            median, low, high = np.exp(log_omega) / RAD_S_PER_HZ
+        near = np.isfinite(amplitude) & (low > 0.0) & np.isfinite(high) & self.is_near(median)
         return Interval(*(np.where(near, f, np.nan) for f in (median, low, high)))
+
+    def is_near(self, frequency: FloatArray) -> BoolArray:
+        """Whether frequencies in Hz lie within ``FARTHEST`` of the tested ones; False for NaN."""
+        omega = RAD_S_PER_HZ * frequency
+        return np.asarray((omega > self.omega.min() / FARTHEST) & (omega < self.omega.max() * FARTHEST))
 
     def solve(self, force: Force, F: FloatArray, omega: float) -> FloatArray:
         """Amplitude (draws, forces) where C(A, omega(A)) = F, for a ``force`` with draws (draws, 1) and F (forces,).

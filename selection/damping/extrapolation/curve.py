@@ -26,9 +26,10 @@ from scipy.special import ndtri
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.extrapolation import Extrapolation
 from damping.extrapolation.backbone import Backbone, Interval
+from damping.extrapolation.cautions import REFUSAL, UNKNOWN, list_cautions
 from damping.extrapolation.levels import OF_PREDICTED, describe_bistability
 from damping.extrapolation.plan import NEAREST, ROUNDING
-from damping.extrapolation.prediction import REFUSAL, Band, Loads, list_cautions
+from damping.extrapolation.prediction import Band, Loads
 from damping.infer.doubt import SLOPES
 from damping.infer.observations import Observations
 from damping.records.keys import LARGEST, SMALLEST
@@ -125,13 +126,11 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
     asked, plan, data = np.asarray(amplitudes, dtype=float), predicted.plan, predicted.plan.data
     grid, loads = _search_forces(predicted, asked, each)
     average = _invert_band(loads.average, grid, asked, plan.limit)
+    average, unknown = average.leave_out(asked, data)
     top = data.top
     predicted_there = np.isfinite(average.median)
     linear = np.where(predicted_there, data.tested_force[top] * asked / data.tested_amplitude[top], np.nan)
     weights = [member.weight for member in predicted.members]
-    moves = loads.average.median > 0.0
-    log_F = np.log(grid[moves])
-    steep = np.gradient(log_F) / np.gradient(np.log(loads.average.median[moves]))
     refusal = f"{REFUSAL}: no force is known that reaches this amplitude"
     if np.isfinite(plan.limit):
         refusal = f"{REFUSAL}: too few levels to predict damping beyond the {plan.described_limit}"
@@ -139,19 +138,31 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
         force=average.median,
         level=loads.level,
         average=average,
-        by_model=tuple(_invert_band(band, grid, asked, plan.limit) for band in loads.by_model),
-        parts={
-            name: np.interp(np.log(average.median), log_F, part[moves] * steep) for name, part in loads.parts.items()
-        },
+        by_model=tuple(
+            _invert_band(band, grid, asked, plan.limit).keep(~unknown).leave_out(asked, data)[0]
+            for band in loads.by_model
+        ),
+        parts=_turn_parts(loads, average.median),
         linear=linear,
         ratio=average.median / data.tested_force[top],
         cautions=tuple(
-            (list_cautions(f, A, data, weights, plan) if p else (refusal,))
-            for f, A, p in zip(average.median, asked, predicted_there, strict=True)
+            (list_cautions(f, A, data, weights, plan) if p else (UNKNOWN if far else refusal,))
+            for f, A, p, far in zip(average.median, asked, predicted_there, unknown, strict=True)
         ),
         limit=plan.limit,
         amplitude=asked,
     )
+
+
+@np.errstate(divide="ignore", invalid="ignore")  # amplitudes may be infinite
+def _turn_parts(loads: Loads, force: FloatArray) -> dict[str, FloatArray]:
+    """Parts of the band of force at each ``force`` (rows,), by the slope of ln F(ln A) over a grid of ``loads``."""
+    moves = loads.average.median > 0.0
+    if moves.sum() < 2:
+        return dict.fromkeys(loads.parts, np.full(len(force), np.nan))
+    log_F = np.log(loads.force[moves])
+    steep = np.gradient(log_F) / np.gradient(np.log(loads.average.median[moves]))
+    return {name: np.interp(np.log(force), log_F, part[moves] * steep) for name, part in loads.parts.items()}
 
 
 def _search_forces(predicted: Extrapolation, asked: FloatArray, each: bool) -> tuple[FloatArray, Loads]:
@@ -258,15 +269,20 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
 def _find_frequency(backbone: Backbone, amplitude: Interval, level: float) -> tuple[Interval, Interval]:
     """The band of frequency at the median amplitude, and that widened by the uncertainty of the amplitude.
 
-    The shift of the backbone from the median to each end of the amplitude band is added in squares of ln omega.
+    The shift of the backbone from the median to each end of the amplitude band is added in squares of ln omega. NaN
+    where the widened band leaves the mode (``backbone.FARTHEST``).
     """
     points = backbone.frequency_at(np.concatenate([amplitude.median, amplitude.low, amplitude.high]), level)
     rows = len(amplitude.median)
     f = Interval(points.median[:rows], points.low[:rows], points.high[:rows])
     moved = np.log(points.median[rows:].reshape(2, rows) / f.median)
     down, up = (np.fmax.reduce(sign * moved, initial=0.0) for sign in (-1.0, 1.0))
-    low, high = np.hypot(np.log(f.median / f.low), down), np.hypot(np.log(f.high / f.median), up)
-    return f, Interval(f.median, f.median * np.exp(-low), f.median * np.exp(high))
+    below, above = np.hypot(np.log(f.median / f.low), down), np.hypot(np.log(f.high / f.median), up)
+    with np.errstate(over="ignore"):
+        low, high = f.median * np.exp(-below), f.median * np.exp(above)
+    known = np.where(backbone.is_near(low) & backbone.is_near(high), 1.0, np.nan)
+    f = Interval(known * f.median, f.low, f.high)
+    return f, Interval(f.median, known * low, known * high)
 
 
 def _add_jump(cautions: tuple[str, ...], lowest: float, omega: float, zeta: float) -> tuple[str, ...]:

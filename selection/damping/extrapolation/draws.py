@@ -208,7 +208,8 @@ def vary_priors(members: Sequence[Member], spreads: Sequence[Spread], force: Flo
     for prior, ratio in (("scatter", _scatter_ratio), ("share", _share_ratio), ("discrepancy", _discrepancy_ratio)):
         for factor in FACTORS:
             odds = shares * np.concatenate([ratio(member, factor) for member in members])
-            low, median, high = np.exp(find_quantiles(total, odds, np.array([tail, 0.5, 1.0 - tail])))
+            with np.errstate(over="ignore"):  # of forces at which the prediction is left out
+                low, median, high = np.exp(find_quantiles(total, odds, np.array([tail, 0.5, 1.0 - tail])))
             rows += [(prior, factor, *values) for values in zip(force, median, low, high, strict=True)]
     return pd.DataFrame(rows, columns=["prior", "factor", "force", "median", "low", "high"])
 

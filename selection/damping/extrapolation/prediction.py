@@ -9,113 +9,18 @@ force, or along the backbone where that moves. The next test's reading has four 
 - measurement noise: scatter of a level and of a reading, and the uncertainties stated in the record.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from damping.arrays import BoolArray, FloatArray, join_rows
+from damping.extrapolation.cautions import FARTHEST, list_cautions
 from damping.extrapolation.draws import Member, Spread, draw_spreads, find_quantiles, share_out
-from damping.extrapolation.plan import ENOUGH_LEVELS, NEAREST, ROUNDING, Plan
-from damping.infer.doubt import LIKELY
+from damping.extrapolation.plan import Plan
 from damping.infer.observations import Observations
-
-_WORDS = {2: "two", 3: "three", 4: "four"}
-
-
-#: Beginning of a caution that says why there is no prediction.
-REFUSAL = "no prediction"
-#: Caution beyond a test without nonlinearity: on dampers that saturate just above it, and on parts that begin to rub
-#: there, such bands held 2 of 43 next tests at four times the largest force; of linear modes 56 of 61.
-STAYS_LINEAR = (
-    "linear laws have most of the weight and are continued beyond the test: damping that saturates, or sets in, there "
-    "is not allowed for"
-)
-#: Beginning of the caution that a prediction is beyond the largest tested force or amplitude.
-BEYOND_TEST = "beyond the test"
-
-
-def list_cautions(
-    force: float,
-    amplitude: float,
-    data: Observations,
-    weights: Sequence[float],
-    plan: Plan | None,
-    without: tuple[float, float] = (0.0, 0.0),
-) -> tuple[str, ...]:
-    """Cautions on the prediction at one force, the gravest first.
-
-    Args:
-        amplitude: predicted amplitude, NaN if none.
-        weights: of the averaged laws.
-        without: probabilities of no resonance at this force, because friction locks the mode and because no amplitude
-            balances it.
-    """
-    refused = np.isnan(amplitude) and not (plan and not plan.allows(force))
-    cautions = [_describe_refusal(*without)] if refused else []
-    cautions += _list_of_plan(force, plan, banded=not np.isnan(amplitude)) if plan else []
-    leads = not weights or max(weights) >= 0.5 * sum(weights)
-    of_test = _list_of_test(amplitude, data, "amplitude") if data.amplitude_is_input else _list_of_test(force, data)
-    return tuple(cautions + of_test + ([] if leads else ["no law has more than half of the weight"]))
-
-
-def _describe_refusal(held: float, unreached: float) -> str:
-    """Why there is no prediction: the more probable of the two reasons."""
-    why = "the damping force does not reach this force at any amplitude"
-    if held > unreached:
-        why = "friction locks the mode at this force"
-    probability = f"{max(held, unreached):.2f}"
-    return f"{REFUSAL}: {why}" if probability == "1.00" else f"{REFUSAL}: with probability {probability} {why}"
-
-
-def _list_of_plan(force: float, plan: Plan, *, banded: bool) -> list[str]:
-    """Cautions on the fit of the laws, the shift of the resonance, a slipping joint, and the trend of p.
-
-    ``banded``: whether there is a band, so that a caution can say what the band allows for.
-    """
-    allowed = ", and the band allows for it" if banded else ""
-    p, cautions = plan.trend, [plan.fit.sentence, plan.bistable, plan.excluded, plan.state]
-    beyond = force > plan.data.tested_force.max() * (1.0 + ROUNDING)
-    linear = sum(law.weight for law in plan.laws if all(part.example.linear for part in law.law.parts)) > 0.5
-    if beyond and banded and linear:
-        cautions.append(STAYS_LINEAR)
-    if beyond and not plan.joint.informative and plan.allows(force):
-        either = ": the band allows for either" if banded and not linear else ""
-        cautions.append(f"all levels have one frequency, so a joint cannot be told from a damper{either}")
-    elif beyond and plan.joint.probability > LIKELY:
-        cautions.append(
-            f"the resonance falls as with a slipping joint (probability {plan.joint.probability:.2f}): damping may "
-            f"stop growing beyond the test{allowed}"
-        )
-    if not plan.allows(force):
-        few = f"fewer than {ENOUGH_LEVELS} levels do not show how damping continues"
-        cautions.append(f"{REFUSAL} beyond the {plan.described_limit}: {few}")
-    elif p.falling or (p.rising and p.p[-1] > p.p[0]):
-        way = "falling" if p.falling else "rising"
-        ends = f": damping may stop growing{allowed}" if p.falling else ""
-        exponents = f"{p.p[0]:.2f} between the lowest levels, {p.p[-1]:.2f} between the highest"
-        cautions.append(f"force grows as a {way} power of amplitude ({exponents}){ends}")
-    return [sentence for sentence in cautions if sentence]
-
-
-def _list_of_test(asked: float, data: Observations, of: str = "force") -> list[str]:
-    """Limits of the tested levels for a prediction at ``asked``, a force, or for a decay an amplitude."""
-    tested = data.tested_amplitude if of == "amplitude" else data.tested_force
-    largest, levels, lines = tested.max(), int(data.levels.max()) + 1, []
-    if asked > largest * (1.0 + ROUNDING):
-        lines.append(f"{BEYOND_TEST}: {asked / largest:.2f} times the largest tested {of}")
-    if asked < (smallest := tested.min()) / NEAREST:
-        unseen = "damping that shows at small motion alone, such as friction, is not in the levels or the band"
-        lines.append(f"below the test: {asked / smallest:.2g} times the smallest tested {of}; {unseen}")
-    if levels == 1:
-        lines.append(f"one {of} level: how damping changes with amplitude follows from the candidates, not from data")
-    elif levels < 5:
-        lines.append(f"{_WORDS[levels]} {of} levels say little about how damping grows with amplitude")
-    span = largest / smallest
-    if levels > 1 and asked / largest > span:
-        lines.append(f"extrapolated by more than the tested range (largest over smallest tested {of} {span:.2f})")
-    return lines
-
 
 #: Share of draws without a resonance above which no prediction is given.
 REFUSED_SHARE = 0.05
@@ -134,6 +39,18 @@ class Band:
     high: FloatArray  #: predictive
     credible_low: FloatArray  #: of the law's amplitude alone
     credible_high: FloatArray  #: of the law's amplitude alone
+
+    def keep(self, known: BoolArray) -> Band:
+        """The band, NaN except where ``known`` (forces,)."""
+        ends = (self.median, self.low, self.high, self.credible_low, self.credible_high)
+        return Band(self.name, self.weight, *(np.where(known, end, np.nan) for end in ends))
+
+    def leave_out(self, amplitude: FloatArray, data: Observations) -> tuple[Band, BoolArray]:
+        """The band, NaN where ``amplitude`` (forces,), given or the median, or its width is beyond ``FARTHEST``; and
+        whether it was left out there, (forces,)."""
+        near = amplitude <= FARTHEST * data.tested_amplitude.max()
+        unknown = ~np.isnan(self.median) & ~(near & (self.high <= FARTHEST * self.low))
+        return self.keep(~unknown), unknown
 
 
 @dataclass(frozen=True)
@@ -210,6 +127,10 @@ def predict(
     bands = [_band(m.name, m.weight, [s], np.ones(len(s.law)), allowed, counted, level) for m, s in laws]
     weights = np.array([member.weight for member in members]) / sum(member.weight for member in members)
     average = _band("average over models", 1.0, spreads, share_out(members, spreads), allowed, counted, level)
+    unknown = np.full(len(force), False)
+    if not still:
+        average, unknown = average.leave_out(average.median, data)
+        bands = [band.keep(~unknown).leave_out(band.median, data)[0] for band in bands]
     predicted = np.isfinite(average.median)
     linear = np.where(predicted, linear_amplitude(force, data), np.nan)
     ratio = force / data.tested_force[data.top]
@@ -226,8 +147,10 @@ def predict(
         linear=linear,
         ratio=ratio,
         cautions=tuple(
-            list_cautions(f, A, data, [m.weight for m in members], plan, without)
-            for f, A, without in zip(force, average.median, zip(held, unreached, strict=True), strict=True)
+            list_cautions(f, A, data, [m.weight for m in members], plan, without, far)
+            for f, A, without, far in zip(
+                force, average.median, zip(held, unreached, strict=True), unknown, strict=True
+            )
         ),
         limit=plan.limit if plan else np.inf,
     )

@@ -20,6 +20,8 @@ MISTAKEN = {
     "1/(2 pi) times the frequencies, with 1/(2 pi)^2 of its response": (1.0 / RAD_S_PER_HZ, RAD_S_PER_HZ**-2.0),
     "2 pi times the frequencies, with (2 pi)^2 times its response": (RAD_S_PER_HZ, RAD_S_PER_HZ**2.0),
 }
+#: Beginning of the caution on such a mistake: no number of a diagnosis means much before that is settled.
+RESEMBLES = "the simulation resembles the test at"
 #: Median |ln(simulated/measured response)| from which such a mistake is tried: a factor of e in the response.
 FAR = 1.0
 #: A mistake is reported if frequencies times its factor reduce that median below this share: by more than half, which
@@ -59,7 +61,7 @@ def _doubt_frequency(simulator: Simulator, asked: pd.DataFrame, apart: float) ->
         if _measure_distance(asked, share * A, phase) < NEARER * apart:
             what = "its stiffness" if share != 1.0 else "it"
             remark = f"is there a mistake of rad/s for Hz in {what}? It is given Hz"
-            return (f"the simulation resembles the test at {name}: {remark}",)
+            return (f"{RESEMBLES} {name}: {remark}",)
     return ()
 
 

@@ -13,6 +13,7 @@ from damping.gap.corrected import describe_effects, effect_intervals, is_gone
 from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import ALARM, smallest_p
 from damping.gap.readings import describe_rest
+from damping.gap.sense import RESEMBLES
 from damping.gap.size import describe_repeatability, describe_scatter
 from damping.gap.weighing import KNOWN
 from damping.records.mode import Units
@@ -67,9 +68,13 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
 
 
 def order_cautions(against: Disagreement, cautions: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Sentences to show before the answer, on loads that the ranked laws dispute, and cautions to show after it."""
-    first = [f"{sentence[0].upper()}{sentence[1:]}." for sentence in against.on_loads]
-    return first, [*against.on_rows, *cautions]
+    """Sentences to show before the answer, and cautions to show after it.
+
+    The first are on a simulator that takes frequencies in another unit, and on loads that the ranked laws dispute.
+    """
+    doubted = [caution for caution in cautions if caution.startswith(RESEMBLES)]
+    first = [f"{sentence[0].upper()}{sentence[1:]}." for sentence in (*doubted, *against.on_loads)]
+    return first, [*against.on_rows, *(caution for caution in cautions if caution not in doubted)]
 
 
 def _say_effect(name: str, values: Mapping[str, float]) -> str:

@@ -56,6 +56,7 @@ def render_gap_page(
     values = {
         **vars(diagnosis),
         "first": first,
+        "disputed": against.on_loads,
         "cautions": cautions,
         "sentences": describe_diagnosis(diagnosis),
         "failure": posterior.chains.failure if posterior and not posterior.chains.converged else "",

@@ -11,9 +11,10 @@ from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray
 from damping.extrapolation.backbone import Backbone
+from damping.extrapolation.cautions import BEYOND_TEST, REFUSAL
 from damping.extrapolation.curve import Curve
 from damping.extrapolation.draws import LEAST_WEIGHT, NextLevel
-from damping.extrapolation.prediction import BEYOND_TEST, REFUSAL, Loads
+from damping.extrapolation.prediction import Loads
 from damping.infer.chains import Posterior
 from damping.infer.checks import LeaveOneOut, PredictiveCheck
 from damping.infer.law import Coordinates, Law

@@ -13,8 +13,9 @@ import pandas as pd
 
 from damping import report as words
 from damping.arrays import RAD_S_PER_HZ
+from damping.extrapolation.cautions import REFUSAL
 from damping.extrapolation.curve import Curve
-from damping.extrapolation.prediction import REFUSAL, Loads
+from damping.extrapolation.prediction import Loads
 from damping.ranking import Candidate
 from damping.records.mode import Units
 from damping.report import tables

@@ -1,0 +1,115 @@
+"""Cautions on a prediction: why there is none, and what the tested levels do not show."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from damping.extrapolation.plan import ENOUGH_LEVELS, NEAREST, ROUNDING, Plan
+from damping.infer.doubt import LIKELY
+from damping.infer.observations import Observations
+
+_WORDS = {2: "two", 3: "three", 4: "four"}
+
+
+#: Beginning of a caution that says why there is no prediction.
+REFUSAL = "no prediction"
+#: Caution beyond a test without nonlinearity: on dampers that saturate just above it, and on parts that begin to rub
+#: there, such bands held 2 of 43 next tests at four times the largest force; of linear modes 56 of 61.
+STAYS_LINEAR = (
+    "linear laws have most of the weight and are continued beyond the test: damping that saturates, or sets in, there "
+    "is not allowed for"
+)
+#: Largest predicted amplitude over the largest tested one, and largest ratio of the ends of a band: three decades,
+#: where tests seldom span one.
+FARTHEST = 1000.0
+#: Why there is no prediction beyond it.
+UNKNOWN = (
+    f"{REFUSAL}: nothing is known there (an amplitude over {FARTHEST:g} times the largest tested one, or a band whose "
+    "ends lie as far apart)"
+)
+#: Beginning of the caution that a prediction is beyond the largest tested force or amplitude.
+BEYOND_TEST = "beyond the test"
+
+
+def list_cautions(
+    force: float,
+    amplitude: float,
+    data: Observations,
+    weights: Sequence[float],
+    plan: Plan | None,
+    without: tuple[float, float] = (0.0, 0.0),
+    unknown: np.bool_ | bool = False,
+) -> tuple[str, ...]:
+    """Cautions on the prediction at one force, the gravest first.
+
+    Args:
+        amplitude: predicted amplitude, NaN if none.
+        weights: of the averaged laws.
+        without: probabilities of no resonance at this force, because friction locks the mode and because no amplitude
+            balances it.
+        unknown: whether the prediction is left out since it is beyond ``FARTHEST``.
+    """
+    refused = np.isnan(amplitude) and not (plan and not plan.allows(force))
+    cautions = [UNKNOWN if unknown else _describe_refusal(*without)] if refused else []
+    cautions += _list_of_plan(force, plan, banded=not np.isnan(amplitude)) if plan else []
+    leads = not weights or max(weights) >= 0.5 * sum(weights)
+    of_test = _list_of_test(amplitude, data, "amplitude") if data.amplitude_is_input else _list_of_test(force, data)
+    return tuple(cautions + of_test + ([] if leads else ["no law has more than half of the weight"]))
+
+
+def _describe_refusal(held: float, unreached: float) -> str:
+    """Why there is no prediction: the more probable of the two reasons."""
+    why = "the damping force does not reach this force at any amplitude"
+    if held > unreached:
+        why = "friction locks the mode at this force"
+    probability = f"{max(held, unreached):.2f}"
+    return f"{REFUSAL}: {why}" if probability == "1.00" else f"{REFUSAL}: with probability {probability} {why}"
+
+
+def _list_of_plan(force: float, plan: Plan, *, banded: bool) -> list[str]:
+    """Cautions on the fit of the laws, the shift of the resonance, a slipping joint, and the trend of p.
+
+    ``banded``: whether there is a band, so that a caution can say what the band allows for.
+    """
+    allowed = ", and the band allows for it" if banded else ""
+    p, cautions = plan.trend, [plan.fit.sentence, plan.bistable, plan.excluded, plan.state]
+    beyond = force > plan.data.tested_force.max() * (1.0 + ROUNDING)
+    linear = sum(law.weight for law in plan.laws if all(part.example.linear for part in law.law.parts)) > 0.5
+    if beyond and banded and linear:
+        cautions.append(STAYS_LINEAR)
+    if beyond and not plan.joint.informative and plan.allows(force):
+        either = ": the band allows for either" if banded and not linear else ""
+        cautions.append(f"all levels have one frequency, so a joint cannot be told from a damper{either}")
+    elif beyond and plan.joint.probability > LIKELY:
+        cautions.append(
+            f"the resonance falls as with a slipping joint (probability {plan.joint.probability:.2f}): damping may "
+            f"stop growing beyond the test{allowed}"
+        )
+    if not plan.allows(force):
+        few = f"fewer than {ENOUGH_LEVELS} levels do not show how damping continues"
+        cautions.append(f"{REFUSAL} beyond the {plan.described_limit}: {few}")
+    elif p.falling or (p.rising and p.p[-1] > p.p[0]):
+        way = "falling" if p.falling else "rising"
+        ends = f": damping may stop growing{allowed}" if p.falling else ""
+        exponents = f"{p.p[0]:.2f} between the lowest levels, {p.p[-1]:.2f} between the highest"
+        cautions.append(f"force grows as a {way} power of amplitude ({exponents}){ends}")
+    return [sentence for sentence in cautions if sentence]
+
+
+def _list_of_test(asked: float, data: Observations, of: str = "force") -> list[str]:
+    """Limits of the tested levels for a prediction at ``asked``, a force, or for a decay an amplitude."""
+    tested = data.tested_amplitude if of == "amplitude" else data.tested_force
+    largest, levels, lines = tested.max(), int(data.levels.max()) + 1, []
+    if asked > largest * (1.0 + ROUNDING):
+        lines.append(f"{BEYOND_TEST}: {asked / largest:.2f} times the largest tested {of}")
+    if asked < (smallest := tested.min()) / NEAREST:
+        unseen = "damping that shows at small motion alone, such as friction, is not in the levels or the band"
+        lines.append(f"below the test: {asked / smallest:.2g} times the smallest tested {of}; {unseen}")
+    if levels == 1:
+        lines.append(f"one {of} level: how damping changes with amplitude follows from the candidates, not from data")
+    elif levels < 5:
+        lines.append(f"{_WORDS[levels]} {of} levels say little about how damping grows with amplitude")
+    span = largest / smallest
+    if levels > 1 and asked / largest > span:
+        lines.append(f"extrapolated by more than the tested range (largest over smallest tested {of} {span:.2f})")
+    return lines
