@@ -1278,3 +1278,21 @@ def test_messages_name_the_file_and_the_place(tmp_path, damping):
         assert run.code != 0
         assert f"damping: {said}" in run.err
         assert run.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"), [(None, np.ones(len(FREQUENCY))), ("oct/min", FREQUENCY * np.log(2.0) / 60.0)]
+)
+def test_the_sweep_rate_of_a_group_is_read(tmp_path, unit, factor):
+    """One number for the run or one for each row; 1 oct/min is f ln 2/60 Hz/s. It is no sensor."""
+    file = written(tmp_path / "a.h5", "hdf5")
+    with h5py.File(file, "r+") as groups:
+        for k, group in enumerate(groups.values()):
+            group["sweep_rate"] = 0.5 if k else np.full(len(FREQUENCY), 0.5)
+            if unit:
+                group["sweep_rate"].attrs["units"] = unit
+    runs, summary = read_runs([file], SIZE)
+    assert not any("sweep_rate" in note for note in summary.notes)
+    for run in runs:
+        assert "sweep_rate" not in run.names
+        np.testing.assert_allclose(run.rate, 0.5 * factor, rtol=1e-12)

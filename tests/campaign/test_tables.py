@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import h5py
 import numpy as np
@@ -329,6 +330,28 @@ def test_levels_side_by_side_are_runs(tmp_path, amplitude, phase, names, order):
         for level, rows in record.groupby("force"):
             truth = 1e-3 * TRUTH[level][0]
             np.testing.assert_allclose(rows["amplitude"] * np.exp(-1j * rows["phase"]), truth, rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["mat", "h5", "tdms"])
+def test_levels_side_by_side_in_a_file_of_arrays_are_runs(tmp_path, kind):
+    """Names of MAT are words without units; HDF5 has units as attributes."""
+    content, path = levels_beside("{level} amp [mm]", "{level} phase [deg]"), tmp_path / f"a.{kind}"
+    arrays = {name: column.to_numpy() for name, column in content.items()}
+    words = {name: re.sub(r"(\d N )?(\w+) .*", r"\2 \1", name).strip().replace(" ", "_") for name in arrays}
+    if kind == "mat":
+        scipy.io.savemat(path, {words[name]: column for name, column in arrays.items()})
+    elif kind == "h5":
+        with h5py.File(path, "w") as file:
+            for name, column in arrays.items():
+                file[words[name]] = column
+                file[words[name]].attrs["units"] = name.split("[")[1].strip("]")
+    else:
+        with TdmsWriter(path) as file:
+            file.write_segment([ChannelObject("g", name, column) for name, column in arrays.items()])
+    runs, _ = read_runs([path], SIZE, None, Stated(**SI) if kind == "mat" else Stated())
+    assert [run.level for run in runs] == list(LEVELS)
+    for run, level in zip(runs, LEVELS, strict=True):
+        np.testing.assert_allclose(run.channels[0].samples, TRUTH[level][0], rtol=1e-9)
 
 
 @pytest.mark.parametrize(

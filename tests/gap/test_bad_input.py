@@ -161,6 +161,14 @@ def test_a_record_that_is_given_twice_is_refused(lab, honest):
             limited({}, diagnose, other, lab.mode(), states=[(record, lab.mode())])
 
 
+def test_uncertainties_below_any_rounding_leave_no_comparison(lab, honest):
+    """Residuals of 1e16 noises: no fit holds them as numbers; that is an error of the input, not of the program."""
+    frame = honest().table
+    stated = frame.assign(amplitude=2.0 * frame["amplitude"], amplitude_sd=1e-16 * frame["amplitude"], phase_sd=1e-16)
+    with pytest.raises(AnalysisError, match="uncertainties of the rows are too small"):
+        diagnose(Record(stated), lab.mode())
+
+
 def test_too_many_rows(lab, honest):
     record = honest()
     times = MOST_ROWS // len(record) + 1

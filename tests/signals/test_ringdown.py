@@ -475,3 +475,16 @@ def test_what_the_balance_cannot_know_of_a_joint_is_in_the_uncertainty():
     truth = c * w * A + 4.0 / np.pi * k * limit * np.maximum(1.0 - limit / A, 0.0)
     assert np.abs((found.force - truth) / found.force_sd).max() < 2.6
     assert (found.force_sd / found.force)[0.85 * limit > A][:2].max() < 0.01  # where it is stuck nothing is added
+
+
+@pytest.mark.parametrize(("power", "hum"), [(1.0, 0.0), (1.0, 0.03), (3.0, 0.0)])
+def test_a_tone_at_the_frequency_of_the_mode_is_said(power: float, hum: float) -> None:
+    """It never beats, but the decay ends at its amplitude; a force in A^3, A = t^(-1/2), ends nowhere."""
+    t = np.arange(0.0, 400.0, 1.0 / 16.0) * 2.0 * np.pi / omega_n
+    fallen = 0.02 * omega_n * t if power == 3.0 else 0.004 * omega_n * t
+    size = (1.0 + 2.0 * fallen) ** -0.5 if power == 3.0 else np.exp(-fallen)
+    noise = 1e-4 * np.random.default_rng(3).standard_normal(len(t))
+    notes = decay(t, (size + hum) * np.cos(omega_n * t) + noise).notes
+    told = [float(note.split("amplitude ")[1].split()[0]) for note in notes if "does not decay" in note]
+    assert len(told) == (hum > 0.0)
+    np.testing.assert_allclose(told, hum, rtol=0.02)  # what is left of the decay there: e^-10

@@ -32,7 +32,15 @@ LARGEST_RATIO = 0.2  #: largest damping ratio of a mode
 FEWEST_ROWS = 5  #: fewest rows in which a peak can be found
 _FLOOR = 8.0  #: least motion of a peak, over the noise
 _PASSES = 3  # over all clusters
+_MEDIAN = 0.693  # over the mean, of an exponential variable
+_CLASSES = 12  # of |H|, for the noise against |H|: two parameters, and some rows in each class of a short sweep
+_RELATIVE = 1e-3  # least noise over |H|: no sensor is calibrated better
+_CONSTANT = 0.05  # least square of the constant noise over the residuals' at the smallest |H|, of which it has the most
+_SMALL = 0.1  # quantile of residuals that stands for those
 _LARGEST_FRICTION = 0.85  #: largest share of friction: with more, a level hardly moves
+_FRICTION = 0.2  # share with which a fit begins: some, so that its derivative is not 0
+_MOVED = 0.04  # largest relative change of a frequency in a fit: farther is another peak
+_SLOPES = (-0.9, 0.97)  # of damping over its peak value: at 1 small motion would be undamped
 _STEP = 1.5e-8  # of parameters, in differences: half of the digits
 _FRICTION_PAYS = 20.0  #: least fall of the squared misfit to accept friction: e^10 in likelihood
 
@@ -174,9 +182,11 @@ def _fit_cluster(
         moved = copies.with_cluster(every, *trials.reshape(parts, -1)).motions(f, every)
         return fitted.differentiate((moved - columns[:, of].T) / steps[:, np.newaxis], of, sd)
 
-    x0 = np.concatenate([np.zeros(count), np.log(poles.ratio[cluster]), poles.slope[cluster], np.full(count, 0.2)])
-    low = np.repeat([-0.04, np.log(SMALLEST_RATIO), -0.9, 0.0], count)[: parts * count]
-    high = np.repeat([0.04, np.log(LARGEST_RATIO), 0.97, _LARGEST_FRICTION], count)[: parts * count]
+    x0 = np.concatenate(
+        [np.zeros(count), np.log(poles.ratio[cluster]), poles.slope[cluster], np.full(count, _FRICTION)]
+    )
+    low = np.repeat([-_MOVED, np.log(SMALLEST_RATIO), _SLOPES[0], 0.0], count)[: parts * count]
+    high = np.repeat([_MOVED, np.log(LARGEST_RATIO), _SLOPES[1], _LARGEST_FRICTION], count)[: parts * count]
     start = np.clip(x0[: parts * count], low + 1e-9, high - 1e-9)
     optimum = least_squares(misfit, start, differentiate, bounds=(low, high), x_scale="jac", max_nfev=40)
     return poles.with_cluster(cluster, *np.split(optimum.x, parts))
@@ -197,13 +207,14 @@ def _estimate_noise(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatAr
         sizes.append((np.abs(H[:, rows]) ** 2).ravel())
         squares.append(0.5 * (np.abs(rest) ** 2).ravel())
     size, square = np.concatenate(sizes), np.concatenate(squares)
-    parts = [part for part in np.array_split(np.argsort(size), 12) if len(part)]
+    parts = [part for part in np.array_split(np.argsort(size), _CLASSES) if len(part)]
     means = np.array([np.mean(size[part]) for part in parts])
-    levels = np.array([np.median(square[part]) / 0.693 for part in parts])  # 0.693: median over mean, exponential
+    levels = np.array([np.median(square[part]) / _MEDIAN for part in parts])
     weight = 1.0 / levels.clip(min=1e-30)
     design = np.column_stack([means, np.ones_like(means)]) * weight[:, None]
     squares_of_noise = np.linalg.lstsq(design, levels * weight, rcond=None)[0]
-    return np.sqrt([max(squares_of_noise[0], 1e-6), max(squares_of_noise[1], 0.05 * np.quantile(levels, 0.1), 1e-20)])
+    constant = max(squares_of_noise[1], _CONSTANT * np.quantile(levels, _SMALL), 1e-20)
+    return np.sqrt([max(squares_of_noise[0], _RELATIVE**2), constant])
 
 
 def _complete_fit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArray) -> ModalFit:

@@ -22,6 +22,7 @@ from damping.formats.arrays import Arrays, read_arrays, read_blocks
 from damping.formats.columns import open_table
 from damping.formats.headers import ROLE_NAMES
 from damping.formats.levels import NUMBERED, find_level
+from damping.formats.named import find_rates
 from damping.formats.quantity import unit
 from damping.formats.sensors import describe_array
 from damping.formats.series import Stated, Summary
@@ -153,8 +154,9 @@ def _group_run(source: Source, group: str, x: str, drive: str, paths: Mapping[st
     source.note_scaling(paths.values())
     channels: list[Channel] = []
     source.channels.add(drive)
+    of_rate = next((leaf for leaf in paths if leaf.lower() in ROLE_NAMES["sweep_rate"]), None)
     for leaf, path in paths.items():
-        if leaf in (x, drive) or path not in contents.arrays:
+        if leaf in (x, drive, of_rate) or path not in contents.arrays:
             continue
         values = factors[path] * contents.arrays[path][0]
         rows = np.atleast_2d(values if values.ndim == 2 and values.shape[1] == len(f) else values.T)
@@ -170,10 +172,12 @@ def _group_run(source: Source, group: str, x: str, drive: str, paths: Mapping[st
     values = factors[paths[drive]] * contents.arrays[paths[drive]][0] * stated.scale
     rows = np.atleast_2d(values if values.shape[-1] == len(f) else values.T)
     control = source.stated.join_controls(list(rows))
-    return source.set_level(
-        source.leave_flat(CampaignRun(group, None, source.find_drive_unit(drive, usual), f, control, tuple(channels))),
-        group,
-    )
+    unit, rate = source.find_drive_unit(drive, usual), None
+    if of_rate:
+        of_units = {"sweep_rate": contents.units.get(paths[of_rate], "Hz/s")}
+        rates = find_rates({"sweep_rate": contents.arrays[paths[of_rate]][0]}, of_units, f, 1)
+        rate = None if rates is None else rates[:, 0]
+    return source.set_level(source.leave_flat(CampaignRun(group, None, unit, f, control, tuple(channels), rate)), group)
 
 
 def _track_group(source: Source, group: str, t: str, drive: str, paths: Sequence[str]) -> CampaignRun:

@@ -1,7 +1,7 @@
-"""Levels side by side in a text table: the columns of each level, such as ``0.5 g amp``, as a table of its own."""
+"""Levels side by side in a table: the columns of each level, such as ``0.5 g amp``, as a table of its own."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from damping.arrays import FloatArray
@@ -46,20 +46,28 @@ class LevelTable(TextTable):
 
 
 def split_levels(table: TextTable) -> list[LevelTable]:
-    """A table for each level in the names of the columns; none unless two levels or more have the same columns.
+    """A table for each level as of `find_levels`. InputError: as there."""
+    return [_take(table, columns, level) for level, columns in find_levels(table.headers, table.line).items()]
 
-    None too if a drive of another kind has a column, as beside sensors called by their range.
+
+def find_levels(
+    headers: Sequence[ColumnHeader], line: int | None = None
+) -> dict[tuple[float, str], dict[int, ColumnHeader]]:
+    """Columns by place, with headers without the level, of each level that the names of columns hold.
+
+    None unless two levels or more have the same columns, or if a drive of another kind has a column, as beside sensors
+    called by their range. ``line``: of the headers in a text.
 
     InputError: a drive of that kind has a column, levels are of several kinds, or one is not a peak value.
     """
-    found = {k: (header, level) for k, header in enumerate(table.headers) if (level := find_level(_space(header.name)))}
+    found = {k: (header, level) for k, header in enumerate(headers) if (level := find_level(_space(header.name)))}
     by_level: dict[tuple[float, str], dict[int, ColumnHeader]] = {}
     for k, (header, level) in found.items():
         by_level.setdefault(level, {})[k] = _drop_level(header)
     columns = [sorted((header.title, header.unit) for header in of.values()) for of in by_level.values()]
     if len(by_level) < 2 or any(of != columns[0] for of in columns):
-        return []
-    shared = {k: header for k, header in enumerate(table.headers) if k not in found}
+        return {}
+    shared = {k: header for k, header in enumerate(headers) if k not in found}
     powers = {unit(text).powers for _, text in by_level}
     force = recognise([*shared.values()])[0].get("force")
     drives = [
@@ -68,13 +76,13 @@ def split_levels(table: TextTable) -> list[LevelTable]:
         if k == force or any(of.search(header.name) for of in (DRIVE, NUMBERED)) or find_powers(header.unit) in powers
     ]
     if any(header.unit and find_powers(header.unit) not in powers for header in drives):
-        return []
+        return {}
     if drives or len(powers) > 1:
         beside = f"{describe_shortened(drives[0].text)!r} beside levels" if drives else "forces and motions as levels"
         expected = "one kind of level, and no other drive"
-        raise InputError(f"{beside} in the names of columns", line=table.line, expected=expected)
-    _require_peak([header.text for header, _ in found.values()], table.line)
-    return [_take(table, shared | of, level) for level, of in by_level.items()]
+        raise InputError(f"{beside} in the names of columns", line=line, expected=expected)
+    _require_peak([header.text for header, _ in found.values()], line)
+    return {level: shared | of for level, of in by_level.items()}
 
 
 def _take(table: TextTable, columns: Mapping[int, ColumnHeader], level: tuple[float, str]) -> LevelTable:
@@ -99,7 +107,7 @@ def _drop_level(header: ColumnHeader) -> ColumnHeader:
     return replace(own, text=header.text) if own.text == "phase" else own  # that alone is a lag in rad, as in a record
 
 
-def _require_peak(texts: list[str], line: int) -> None:
+def _require_peak(texts: list[str], line: int | None) -> None:
     """Raise InputError for a level such as 0.5 g rms: the word may be of the drive or of the response."""
     for text in texts:
         match = LEVEL.search(_space(text))

@@ -63,7 +63,7 @@ def to_series(
     if force is not None and _BEHIND_FORCE & set(arrays):  # against whatever reference the force has a phase
         force = np.abs(force)
     extra = ({} if times is None else {"time": times}) | _further(arrays, n)
-    rates = _rates(arrays, facts.units, x, response.shape[1])
+    rates = find_rates(arrays, facts.units, x, response.shape[1])
     # by its role an amplitude is that of the sine; parts of a phasor may be rms
     of_role = peak and "amplitude" in arrays and not {"force_x", "force_y"} & set(arrays)
     known = replace(
@@ -97,7 +97,7 @@ def _further(arrays: Mapping[str, Samples], n: int) -> dict[str, FloatArray]:
     return further
 
 
-def _rates(arrays: Mapping[str, Samples], units: Mapping[str, str], f: FloatArray, k: int) -> FloatArray | None:
+def find_rates(arrays: Mapping[str, Samples], units: Mapping[str, str], f: FloatArray, k: int) -> FloatArray | None:
     """Sweep rates (n, k), Hz/s, NaN where not known; None if none is. InputError: a unit that is none of a rate."""
     if "sweep_rate" not in arrays or not np.isfinite(arrays["sweep_rate"]).any():
         return None

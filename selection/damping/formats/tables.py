@@ -16,7 +16,7 @@ from damping.formats import find_format
 from damping.formats.arrays import list_members, read_arrays
 from damping.formats.columns import TextTable, open_table
 from damping.formats.headers import ColumnHeader
-from damping.formats.levels import split_levels
+from damping.formats.levels import find_levels
 from damping.formats.named import list_units, require_linear, to_series
 from damping.formats.sampling import split
 from damping.formats.sensors import describe_array, find_setting
@@ -79,8 +79,25 @@ def _lay_out(label: str, data: bytes, stated: Stated) -> list[SensorTable]:
     if table.layout.numbered:
         expected = "a line of names, such as frequency [Hz], force [N], tip [g], tip phase [deg]"
         raise InputError(f"{label}: the table has no header", expected=expected)
-    of_levels: dict[str, TextTable] = {one.label: one for one in split_levels(table)}
-    return [_make_table(name, one, stated) for name, one in (of_levels or {label: table}).items()]
+    return _split_levels(_make_table(label, table, stated), table.line)
+
+
+def _split_levels(table: SensorTable, line: int | None = None) -> list[SensorTable]:
+    """A table for each level that the names of columns hold (``levels.find_levels``), else the table."""
+    by_level = find_levels(table.headers, line)
+    return [_take_level(table, f"{level:g} {text}", of) for (level, text), of in by_level.items()] or [table]
+
+
+def _take_level(table: SensorTable, label: str, columns: Mapping[int, ColumnHeader]) -> SensorTable:
+    places = sorted(columns)
+
+    def read(rows: Mapping[str, int], others: Sequence[int]) -> tuple[dict[int, Samples], Sequence[str] | None]:
+        values, labels = table.read({role: places[k] for role, k in rows.items()}, [places[k] for k in others])
+        return {k: values[place] for k, place in enumerate(places) if place in values}, labels
+
+    setting = {role: places.index(place) for role, place in table.setting.items() if place in columns}
+    headers, is_complex = tuple(columns[k] for k in places), tuple(table.is_complex[k] for k in places)
+    return SensorTable(label, headers, is_complex, setting, read)
 
 
 def _make_table(label: str, table: TextTable, stated: Stated) -> SensorTable:
@@ -145,7 +162,7 @@ def _read_group(
     sweeps, tables = list_members(names, contents.arrays), []
     for k, values in enumerate(sweeps, 1):
         columns = _split_sensors(list(zip(headers, values, strict=True)), _find_rows(names, stated))
-        tables.append(_join_arrays(label if len(sweeps) == 1 else f"{label} {k}", columns, stated))
+        tables += _split_levels(_join_arrays(label if len(sweeps) == 1 else f"{label} {k}", columns, stated))
     return tables
 
 

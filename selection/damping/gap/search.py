@@ -10,6 +10,7 @@ import numpy as np
 
 from damping.effects.contract import Effect
 from damping.effects.rig import AMPLITUDE_SCALE
+from damping.errors import AnalysisError
 from damping.gap.directed import ALARM, directed_tests, smallest_p
 from damping.gap.fit import fit_model
 from damping.gap.fitting import Fits
@@ -112,7 +113,11 @@ class Search(Fits):
         null = self.hypotheses.get(frozenset())
         if null is None:
             model = Model(self.problem, (), self.unknown.first)
-            null = self._store((), fit_model(model, np.zeros((1, model.size)))[:1])
+            fits = fit_model(model, np.zeros((1, model.size)))[:1]
+            if not fits:  # residuals are beyond the numbers
+                message = "the uncertainties of the rows are too small to compare the simulation with them"
+                raise AnalysisError(f"{message}: state those of the readings, or none")
+            null = self._store((), fits)
         tried = self._order_starts(null, self.forms)  # best first: fits far behind are not polished
         self.units |= {starts[0].part.form: starts[0].part.unit for starts in chain.from_iterable(tried.values())}
         least = _HOPELESS * (max(map(find_gain, tried.values()), default=0.0) - SURE)

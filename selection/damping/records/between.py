@@ -44,19 +44,16 @@ def find_between(
     near = size * NEAR <= size[k]
     near[k - 1 : k + 2] = True
     at, squared, least = RAD_S_PER_HZ * f[near], size[near] ** 2, size[k] ** 2
-    middle, driven, fitted = np.mean(at), F[k], np.zeros(3)
+    driven, fitted = F[k], None
     for _ in range(_TURNS):
         straight = squared + least * (1.0 - (A[near] * np.sqrt(least) / driven) ** (2.0 * (power - 1.0)))
-        if not straight.min() > 0.0 or (found := fit_parabola(at, np.sqrt(straight))) is None:
+        if not straight.min() > 0.0 or (fitted := fit_parabola(at, np.sqrt(straight))) is None:
             return None
-        fitted = found
-        place, lowest = -0.5 * fitted[1] / fitted[0], fitted[2] - 0.25 * fitted[1] ** 2 / fitted[0]
-        resonance = float(middle * np.sqrt(max(1.0 + place, 0.0)) / RAD_S_PER_HZ)
-        if not (lowest > 0.0 and f[k - 1] < resonance < f[k + 1]):
+        resonance, least = fitted.resonance / RAD_S_PER_HZ, fitted.least
+        if not (least > 0.0 and f[k - 1] < resonance < f[k + 1]):
             return None
-        driven, least = float(np.interp(resonance, f, F)), float(lowest)
-    x = (at / middle) ** 2 - 1.0
-    if np.median(np.abs(np.polyval(fitted, x) / straight - 1.0)) > NO_PARABOLA:
+        driven = float(np.interp(resonance, f, F))
+    if fitted is None or np.median(np.abs(fitted.at(at) / straight - 1.0)) > NO_PARABOLA:
         return None
     return driven, resonance, driven / float(np.sqrt(least))
 

@@ -142,10 +142,11 @@ def _is_flat(run: Run) -> bool:
     fitted = fit_parabola(run.omega[wings], (run.F / run.A)[wings])
     if fitted is None:
         return False
-    x = (run.omega / np.mean(run.omega[wings])) ** 2 - 1.0
-    share = np.polyval(fitted, x) * (run.A / run.F) ** 2  # |Y|^2 of the wings' mode over that of the row
+    share = fitted.at(run.omega) * (run.A / run.F) ** 2  # |Y|^2 of the wings' mode over that of the row
     fallen = max(float(np.ptp(np.log(run.A[flat]))), find_resolution(run.A) / float(run.A[top]))
-    risen = float(fitted[0] * (0.5 * np.ptp(x[flat])) ** 2 * (run.A[top] / np.mean(run.F[flat])) ** 2)
+    risen = float(
+        fitted.a * (0.5 * np.ptp(fitted.place(run.omega[flat]))) ** 2 * (run.A[top] / np.mean(run.F[flat])) ** 2
+    )
     linear = np.median(np.abs(share[wings] - 1.0)) < AS_LINEAR and bool(np.all(share[flat] < 1.0 + AS_LINEAR))
     return bool(linear and risen > 2.0 * STEEPEST * fallen)
 

@@ -155,6 +155,7 @@ def check_several_modes(view: View) -> Finding | None:
 #: Sweep rate (df/dt)/(2 zeta f)^2, bandwidths swept in the reciprocal of the bandwidth, beyond which a sweep is not a
 #: steady state: peaks differ by more than some per cent.
 FAST = 0.3
+SLOW = 0.1  #: rate that is advised: peaks lose amplitude about as its square, so a tenth of that at ``FAST``
 #: Rate beyond which no result holds: the damping of an integrated linear mode, with the mass taken from the sweep, is
 #: 6 % off at 1.7, and 12 % off, beyond the band, at 2.1.
 TOO_FAST = 2.0
@@ -168,7 +169,7 @@ def check_sweep_rate(view: View) -> Finding | None:
         sweep = max(fast, key=lambda label: fast[label])
         what = f"{name_sweeps(fast)}: the frequency moves {fast[sweep]:.2g} half-power bandwidths in the time one takes"
         verdict = "refuse" if fast[sweep] > TOO_FAST else "caution"
-        advice = f"sweep {fast[sweep] / 0.1:.0f} times slower, or dwell"
+        advice = f"sweep {fast[sweep] / SLOW:.0f} times slower, or dwell"
         return Finding("sweep-rate", verdict, what, advice, tuple(fast))
     if rates:
         return None
@@ -183,7 +184,7 @@ def check_sweep_rate(view: View) -> Finding | None:
     curved = [
         (run, turn)
         for run, turn in view.turns
-        if turn and turn.both_sides and DRAGGED < abs(turn.offset) < 0.75 * pi and CURVED < turn.miss < INCOHERENT
+        if turn and turn.both_sides and DRAGGED < abs(turn.offset) < OPPOSED and CURVED < turn.miss < INCOHERENT
     ]
     turned = label_sweeps(run for run, turn in curved if measure_miss_beside_modes(run) > OF_OTHER_MODES * turn.miss)
     ringing = {sweep: count for sweep, count in beats.items() if count or sweep in turned}
@@ -199,6 +200,7 @@ def check_sweep_rate(view: View) -> Finding | None:
 
 
 DRAGGED = 0.5  #: phase offset, rad, that together with ``CURVED`` only a sweep faster than the mode can follow has
+OPPOSED = 0.75 * pi  #: phase offset, rad, from which a phase is of opposite sign rather than late
 CURVED = 0.25  #: misfit of Y by a straight line, relative to |Y|, together with that offset
 #: If other modes cause that misfit, allowing for them leaves at most this share of it; of a fast sweep's misfit it
 #: leaves three fifths.

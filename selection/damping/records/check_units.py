@@ -36,6 +36,17 @@ FACTORS = UNIT_FACTORS | SCALING_FACTORS | {"degrees for rad": 180.0 / pi}
 FREQUENCY_FACTORS = {"rad/s for Hz": 2.0 * pi, "1/min for Hz": 60.0, "kHz for Hz": 1000.0}
 
 
+#: A force is the response of a swept mode, by another name, if it falls by this factor towards both ends of the sweep;
+LIKE_PEAK = 2.0**0.7
+LIKE_LEVEL = (
+    0.3  #: if ln of what stands in its place spans less than this share of its own range, as a held force does;
+)
+#: and if it is largest where the force over it, as if exchanged, is among the upper tenth, and in proportion with that:
+#: notches, and forces that fall at resonance, are not.
+AT_TOP = 0.9
+TOGETHER = 0.95  #: least correlation of their logarithms
+
+
 def check_exchange(view: View) -> Finding | None:
     """Force exchanged with the response or the frequency.
 
@@ -55,9 +66,9 @@ def check_exchange(view: View) -> Finding | None:
             continue
         F, g = np.log(run.F), -run.compliance
         top = int(np.argmax(F))
-        inside = 0 < top < len(run) - 1 and min(F[top] - F[0], F[top] - F[-1]) > 0.7 * log(2.0)
-        steady = np.ptp(np.log(run.A)) < 0.3 * np.ptp(F)
-        if inside and steady and g[top] > np.quantile(g, 0.9) and np.corrcoef(F, g)[0, 1] > 0.95:
+        inside = 0 < top < len(run) - 1 and min(F[top] - F[0], F[top] - F[-1]) > log(LIKE_PEAK)
+        steady = np.ptp(np.log(run.A)) < LIKE_LEVEL * np.ptp(F)
+        if inside and steady and g[top] > np.quantile(g, AT_TOP) and np.corrcoef(F, g)[0, 1] > TOGETHER:
             tops.append(run)
     if len(tops) < max(1, 0.5 * sum(len(run) >= 5 for run in view.raw)):
         return None

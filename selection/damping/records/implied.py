@@ -41,6 +41,7 @@ class Implied:
 
 #: Least share of the structure in the moving mass; with more added mass it could not be determined.
 LEAST_OF_MASS = 0.01
+_LEAST_SCATTER = 0.02  # of the sine of a phase, rad: rows that agree better are not known better, as no chain is
 
 
 def find_implied(run: Run) -> Implied | None:
@@ -58,7 +59,7 @@ def find_implied(run: Run) -> Implied | None:
     sine = turned.imag / np.abs(turned)
     weight = (run.A / run.F) ** 2
     mean = float(weight @ sine / weight.sum())
-    error = float(np.sqrt((weight**2) @ ((sine - mean) ** 2 + 0.02**2)) / weight.sum())
+    error = float(np.sqrt((weight**2) @ ((sine - mean) ** 2 + _LEAST_SCATTER**2)) / weight.sum())
     return Implied(structure_share * mass, scatter / structure_share, damping, mean / error, miss, pairs is not None)
 
 
@@ -120,12 +121,11 @@ def estimate_mass_without_phase(run: Run) -> tuple[float, bool] | None:
     fitted = fit_parabola(run.omega, run.F / run.A)
     if fitted is None:
         return None
-    x, size = (run.omega / np.mean(run.omega)) ** 2 - 1.0, (run.F / run.A) ** 2
-    near = NO_PARABOLA + 2.0 * run.noise
-    straight = float(np.median(np.abs(np.polyval(fitted, x) / size - 1.0))) < near
-    beside = None if straight else _fit_residual(x, 1.0 / size)
-    mass = float(np.sqrt(fitted[0])) if beside is None or beside[1] > near else beside[0]
-    return mass / float(np.mean(run.omega)) ** 2, straight
+    size, near = (run.F / run.A) ** 2, NO_PARABOLA + 2.0 * run.noise
+    straight = float(np.median(np.abs(fitted.at(run.omega) / size - 1.0))) < near
+    beside = None if straight else _fit_residual(fitted.place(run.omega), 1.0 / size)
+    mass = fitted.a**0.5 if beside is None or beside[1] > near else beside[0]
+    return mass / fitted.middle**2, straight
 
 
 #: Iterations of the weights of a ratio of polynomials (Sanathanan and Koerner 1963); they converge in three or four.

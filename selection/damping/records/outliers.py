@@ -63,11 +63,15 @@ def find_stray_rows(run: Run) -> IntArray:
     return np.array(alone if len(alone) <= max(1.0, MOST_WILD * len(run)) else [], np.int64)
 
 
+#: Largest difference of a low row's neighbours, ln A/F, over its fall below them: at a jump they differ by as much.
+UNEVEN = 0.3
+
+
 def _stands_alone(run: Run, k: int, factor: float) -> bool:
     n, g = len(run), run.compliance
     beside = [m for m in (k - 1, k + 1) if 0 <= m < n]
     above, below = g[k] - max(g[beside]), min(g[beside]) - g[k]
-    if max(above, below) < log(factor) or (below > 0.0 and np.ptp(g[beside]) > 0.3 * below):
+    if max(above, below) < log(factor) or (below > 0.0 and np.ptp(g[beside]) > UNEVEN * below):
         return False
     near = np.array([m for m in range(max(0, k - 3), min(n, k + 4)) if m != k])
     if np.abs(np.log(run.stiffness[near] / run.stiffness[k])).min() < log(SAME_BRANCH):
@@ -93,10 +97,8 @@ def _may_resonate(run: Run, k: int, factor: float) -> bool:
     fitted = fit_parabola(run.omega[near], size[near])
     if fitted is None:
         return True
-    least = fitted[2] - fitted[1] ** 2 / (4.0 * fitted[0])
-    x = (run.omega[near] / np.mean(run.omega[near])) ** 2 - 1.0
-    follows = np.median(np.abs(np.polyval(fitted, x) / size[near] ** 2 - 1.0)) < NO_PARABOLA + 2.0 * run.noise
-    return not (follows and size[k] ** 2 * factor**2 < least)
+    follows = np.median(np.abs(fitted.at(run.omega[near]) / size[near] ** 2 - 1.0)) < NO_PARABOLA + 2.0 * run.noise
+    return not (follows and size[k] ** 2 * factor**2 < fitted.least)
 
 
 #: Fewest rows of a sweep that have an order.
@@ -159,6 +161,7 @@ FAR_LEVEL = log(3.0)
 FEWEST_LEVELS = 4  #: fewest levels whose amplitudes define a line
 FEWEST_COURSE = 5  #: fewest levels whose trend shows one off by ``ODD``
 FEWEST_CURVED = 7  #: fewest levels whose trend may be a parabola
+SPREAD = 0.05  #: least range of ln force or ln amplitude of levels that have a trend: of repeats it is their scatter
 #: Largest misfit of the other levels to their trend, over that of the odd level.
 OF_OTHERS = 0.2
 #: One of two suspected levels is the odd one if the rest fits its trend this many times better without it than without
@@ -234,7 +237,7 @@ def _compare_amplitudes(x: FloatArray, y: FloatArray, *, one_mass: bool) -> _Mis
             continue  # friction sticks and joints open there: the trend of the others does not hold
         between = low < x[k] < high
         least = log(ODD if one_mass and between and len(x) >= FEWEST_COURSE else WILD)
-        degrees = (int(high - low > 0.05), *((2,) if between and len(x) >= FEWEST_CURVED else ()))
+        degrees = (int(high - low > SPREAD), *((2,) if between and len(x) >= FEWEST_CURVED else ()))
         courses = (y - np.polyval(np.polyfit(x[others], y[others], degree), x) for degree in degrees)
         residual = min(courses, key=lambda r: np.abs(r[others]).max() / max(abs(r[k]), 1e-300))
         if abs(residual[k]) > least:
@@ -287,6 +290,6 @@ def _compare_frequencies(A: FloatArray, omega: FloatArray, ratio: FloatArray) ->
         beside, others = y[[k - 1, k + 1]], np.arange(len(x)) != k
         off = float(max(y[k] - beside.max(), 0.0) or min(y[k] - beside.min(), 0.0))
         if abs(off) > least:
-            line = np.polyfit(x[others], y[others], 1 if len(x) >= FEWEST_LEVELS and np.ptp(x[others]) > 0.05 else 0)
+            line = np.polyfit(x[others], y[others], 1 if len(x) >= FEWEST_LEVELS and np.ptp(x[others]) > SPREAD else 0)
             misses[int(order[k])] = off, float(np.abs(y - np.polyval(line, x))[others].max())
     return misses

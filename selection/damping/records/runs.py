@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import log
+from math import log, sqrt
 
 import numpy as np
 import pandas as pd
@@ -102,14 +102,44 @@ def _run(table: pd.DataFrame) -> Run:
     )
 
 
-def fit_parabola(omega: FloatArray, size: FloatArray) -> FloatArray | None:
-    """Coefficients of |Y|^2 as a parabola in (omega/mean)^2 - 1, highest power first, with equal relative weights.
+@dataclass(frozen=True)
+class Parabola:
+    """|Y|^2 of a linear mode: a x^2 + b x + c in x = (omega/middle)^2 - 1, with a > 0."""
+
+    middle: float  #: rad/s
+    a: float
+    b: float
+    c: float
+
+    def place(self, omega: FloatArray) -> FloatArray:
+        """x at frequencies in rad/s."""
+        return np.asarray((omega / self.middle) ** 2 - 1.0, dtype=np.float64)
+
+    def at(self, omega: FloatArray) -> FloatArray:
+        """|Y|^2 at frequencies in rad/s."""
+        x = self.place(omega)
+        return (self.a * x + self.b) * x + self.c
+
+    @property
+    def least(self) -> float:
+        """Smallest |Y|^2; not above 0 where the rows are no mode."""
+        return self.c - self.b**2 / (4.0 * self.a)
+
+    @property
+    def resonance(self) -> float:
+        """Frequency of that, rad/s; 0 where it lies below 0."""
+        return self.middle * sqrt(max(1.0 - self.b / (2.0 * self.a), 0.0))
+
+
+def fit_parabola(omega: FloatArray, size: FloatArray) -> Parabola | None:
+    """|Y|^2 = ``size``^2 of rows (n,) at ``omega`` (n,), rad/s, fitted with equal relative weights.
 
     None with fewer than three frequencies, or if the parabola has no minimum.
     """
-    x = (omega / np.mean(omega)) ** 2 - 1.0
+    middle = float(np.mean(omega))
+    x = (omega / middle) ** 2 - 1.0
     fitted = np.polyfit(x, size**2, 2, w=size**-2.0) if len(np.unique(x)) >= 3 else np.zeros(3)
-    return np.asarray(fitted) if fitted[0] > 0.0 else None
+    return Parabola(middle, *map(float, fitted)) if fitted[0] > 0.0 else None
 
 
 def has_resonance(run: Run, lag: FloatArray | None) -> bool:
@@ -130,8 +160,7 @@ def has_resonance(run: Run, lag: FloatArray | None) -> bool:
     fitted = fit_parabola(run.omega[near], (run.F / run.A)[near])
     if fitted is None:
         return False
-    least = fitted[2] - fitted[1] ** 2 / (4.0 * fitted[0])
-    return bool(least > 0.0 and float(np.exp(-2.0 * g[top])) < SHORT_OF_PEAK * least)
+    return bool(fitted.least > 0.0 and float(np.exp(-2.0 * g[top])) < SHORT_OF_PEAK * fitted.least)
 
 
 def measure_whiteness(runs: list[Run]) -> float | None:

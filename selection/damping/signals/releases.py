@@ -12,6 +12,11 @@ from damping.signals.windows import Window
 LARGEST_LOSS = 1.1  #: ratio of the largest motion to the first level from which the loss of the start is reported
 LARGEST_GROWTH = 1.5  #: a single mode does not grow again by more: noise and the window's image cause less growth
 _LISTED = 12  # most releases that a message lists
+#: A decay ends at a floor if the median amplitudes of the halves of its last eighth differ by less than this, in ln,
+#: after a fall by this factor. With a force in A^3, the slowest fall there is, A = t^(-1/2), they differ by 0.03.
+_PARTS = 8
+_STAYS = 0.01
+_FALLEN = 3.0
 #: A frequency swings if it turns back by this many standard errors and by this share of the decay rate; a beat if it
 #: turns back so often. One mode turns back once at most, where a joint softens it below the level at which it hardens:
 #: of 180 decays of one mode none turned back twice, of 133 beats of two that did not grow 48 did.
@@ -84,15 +89,26 @@ def describe_lost(peak: float, since: float, largest: float, size: float, derive
 
 
 def find_return(size: FloatArray, least: float, pause: int) -> float:
-    """Largest amplitude (n,) above ``least`` that has grown from a smaller one before it; 0 if there is none.
+    """Largest amplitude (n,) above ``least`` that has grown from a smaller one before it, or that stays; 0 if none.
 
-    A tone beside the mode beats with its decay as soon as this has come down to it. What follows more than ``pause``
-    samples without motion is another blow.
+    A tone beside the mode beats with its decay as soon as this has come down to it; one at its frequency is a floor at
+    the end. What follows more than ``pause`` samples without motion is another blow.
     """
     moving = np.flatnonzero(size > least)
     pauses = np.flatnonzero(np.diff(moving) > pause)
     size = size[: moving[pauses[0]] + 1] if len(pauses) else size
-    return float(np.max(size[(size > LARGEST_GROWTH * np.minimum.accumulate(size)) & (size > least)], initial=0.0))
+    grown = size[(size > LARGEST_GROWTH * np.minimum.accumulate(size)) & (size > least)]
+    return float(np.max(grown, initial=_find_floor(size, least)))
+
+
+def _find_floor(size: FloatArray, least: float) -> float:
+    """The amplitude (n,) at which a decay ends if it stays there, above ``least``; else 0."""
+    tail = size[-max(len(size) // _PARTS, 1) :]
+    if not (len(tail) > _PARTS and tail.min() > least):
+        return 0.0
+    halves = [float(np.median(half)) for half in np.array_split(tail, 2)]
+    stays = abs(np.log(halves[0] / halves[1])) < _STAYS and size[0] > _FALLEN * halves[0]
+    return halves[1] if stays else 0.0
 
 
 def report_growth(since: float) -> AnalysisError:
