@@ -12,6 +12,9 @@ uncertainties are added in quadrature. A sweep's resonance scatters as a whole b
 its rows by h = g / sqrt(g^2 + R^2):
 
     cov(n) = diag(s^2) + level_scatter^2 h h^T   within a sweep.
+
+Straying joins the levels. Of many levels it is a sum of few independent curves (principal components of a smooth process)
+and a small rest of each level, so that the cost grows with their number and not with its cube.
 """
 
 from collections.abc import Callable
@@ -31,8 +34,11 @@ REACH = 8.0
 BLOCK = 15_000
 #: Correlation length of the drift of a decay in ln A: a level or two of the usual steps of a fifth.
 DRIFT_LENGTH = 0.4
-#: Most sweeps for which a matrix product is the fastest way to sums over each.
+#: Most sweeps for which a matrix product is the fastest way to sums over each, and their whole covariance is worked on.
 _FEW = 32
+#: Largest share of the variance of straying levels that is left to each separately: 1e-3 of a slope's straying, whose
+#: median is 4 %, is far below any noise.
+_LEFT = 1e-3
 
 
 def residuals(force: Force, data: Observations) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -127,14 +133,21 @@ def weigh_levels(
     value = sums[0]
     with np.errstate(all="ignore"):
         if coordinates.with_level_scatter or coordinates.with_doubt:
+            levels = len(data.sweeps)
+            many = levels > _FEW and not data.amplitude_is_input  # the drift of a decay is too rough for few curves
 
             def weigh(points: slice) -> FloatArray:
-                covariance = level_covariance(x[points], coordinates, data, doubt[points])
-                discrepancy, log_determinant = _of_levels(sums[:, points], covariance)
+                if many:
+                    strays = _split_strays(*_place_levels(coordinates, data))
+                    level = coordinates.scatter(x[points])[1]
+                    discrepancy, log_determinant = _of_many_levels(sums[:, points], level, doubt[points], *strays)
+                else:
+                    covariance = level_covariance(x[points], coordinates, data, doubt[points])
+                    discrepancy, log_determinant = _of_levels(sums[:, points], covariance)
                 return np.asarray(-0.5 * discrepancy - 0.5 * log_determinant)
 
             # half of a symmetric matrix is worked on
-            value = value + by_blocks(weigh, len(x), (len(data.sweeps) ** 2 + 1) // 2)
+            value = value + by_blocks(weigh, len(x), levels if many else (levels**2 + 1) // 2)
         else:
             value = value - 0.5 * np.sum(sums[1:], axis=0)
     return np.where(np.isfinite(value), value, -np.inf)
@@ -175,12 +188,31 @@ def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations
 
 def stray_levels(coordinates: Coordinates, data: Observations) -> FloatArray:
     """Covariance of ln A of the levels where the slope strays by 1, (s, s)."""
-    return _stray_levels(tuple(np.log(data.tested_force)), float(np.log(coordinates.reference[2])))
+    return _stray_levels(*_place_levels(coordinates, data))
+
+
+def _place_levels(coordinates: Coordinates, data: Observations) -> tuple[tuple[float, ...], float]:
+    """ln F of the levels, and where straying begins."""
+    return tuple(np.log(data.tested_force)), float(np.log(coordinates.reference[2]))
 
 
 @lru_cache(maxsize=256)  # shared by all laws on a record
 def _stray_levels(z: tuple[float, ...], origin: float) -> FloatArray:
     return stray_covariance(np.array(z), np.array(z), origin)
+
+
+@lru_cache(maxsize=256)  # as above
+def _split_strays(z: tuple[float, ...], origin: float) -> tuple[FloatArray, FloatArray]:
+    """Curves U (s, curves) and rests (s,) of straying levels at z (s,): U U^T + diag(rests) is nearly their covariance.
+
+    Its diagonal is exact, and at most ``_LEFT`` of it is in the rests.
+    """
+    whole = _stray_levels(z, origin)
+    variance, directions = np.linalg.eigh(whole)
+    left = np.cumsum(np.maximum(variance, 0.0))
+    shared = left > _LEFT * left[-1]
+    U = directions[:, shared] * np.sqrt(variance[shared])
+    return U, np.maximum(np.diagonal(whole) - np.sum(U**2, axis=1), 0.0)
 
 
 def scatter_covariance(row: FloatArray, level: FloatArray, data: Observations) -> FloatArray:
@@ -219,11 +251,39 @@ def _of_levels(sums: FloatArray, covariance: FloatArray) -> tuple[FloatArray, Fl
     pivots += 1.0
     factor[s] = np.divide(hn, root, out=np.zeros(root.shape), where=root > 0.0)
     within = np.maximum(nn - factor[s] ** 2, 0.0)  # zero for one row per level, up to rounding
-    for j in range(s):
+    _factorise(factor)
+    return np.sum(within + factor[s] ** 2, axis=0), 2.0 * np.sum(np.log(pivots), axis=0)
+
+
+def _of_many_levels(
+    sums: FloatArray, level: FloatArray, doubt: FloatArray, U: FloatArray, rests: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """`_of_levels` with K = diag(d) + doubt^2 U U^T, d = level^2 + doubt^2 ``rests``; by Woodbury a second time.
+
+    ``level``, ``doubt``: of each point; U (s, curves) and rests (s,): of `_split_strays`.
+    """
+    nn, hh, hn = sums[1:].reshape(3, -1, sums.shape[1])
+    s, curves = U.shape
+    d = level**2 + np.multiply.outer(rests, doubt**2)
+    own = 1.0 + hh * d
+    factor = np.empty((curves + 1, curves, len(doubt)))
+    products = (U[:, :, None] * U[:, None]).reshape(s, curves**2).T
+    factor[:curves] = (products @ (hh / own)).reshape(curves, curves, len(doubt)) * doubt**2
+    pivots = np.einsum("jjp->jp", factor[:curves])  # a view
+    pivots += 1.0
+    factor[curves] = doubt * (U.T @ (hn / own))
+    alone = np.sum(np.maximum(nn - hn**2 * d / own, 0.0), axis=0)
+    _factorise(factor)
+    log_determinant = np.sum(np.log(own), axis=0) + 2.0 * np.sum(np.log(pivots), axis=0)
+    return alone - np.sum(factor[curves] ** 2, axis=0), log_determinant
+
+
+def _factorise(factor: FloatArray) -> None:
+    """Cholesky factors L of matrices (k, k, points), by columns in place; a row b below becomes L^-1 b."""
+    for j in range(factor.shape[1]):
         if j:
             factor[j:, j] -= np.einsum("rkp,kp->rp", factor[j:, :j], factor[j, :j])
         factor[j:, j] /= np.sqrt(factor[j, j])
-    return np.sum(within + factor[s] ** 2, axis=0), 2.0 * np.sum(np.log(pivots), axis=0)
 
 
 def by_sweep(values: FloatArray, data: Observations) -> FloatArray:
