@@ -12,20 +12,17 @@ uncertainties are added in quadrature. A sweep's resonance scatters as a whole b
 its rows by h = g / sqrt(g^2 + R^2):
 
     cov(n) = diag(s^2) + level_scatter^2 h h^T   within a sweep.
-
-Straying joins the levels. Of many levels it is a sum of few independent curves (principal components of a smooth process)
-and a small rest of each level, so that the cost grows with their number and not with its cube.
 """
 
 from collections.abc import Callable
-from functools import lru_cache
 
 import numpy as np
 
 from damping.arrays import FloatArray
 from damping.forces.contract import Force
-from damping.infer.doubt import OF_FRICTION, stray_covariance
+from damping.infer.doubt import OF_FRICTION
 from damping.infer.law import Coordinates
+from damping.infer.levels import integrate_curves, integrate_levels, split_strays, stray_at
 from damping.infer.observations import Observations
 
 #: The prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow.
@@ -34,11 +31,8 @@ REACH = 8.0
 BLOCK = 15_000
 #: Correlation length of the drift of a decay in ln A: a level or two of the usual steps of a fifth.
 DRIFT_LENGTH = 0.4
-#: Most sweeps for which a matrix product is the fastest way to sums over each, and their whole covariance is worked on.
+#: Most sweeps for which a matrix product is the fastest way to sums over each, and a factor of their covariance cheap.
 _FEW = 32
-#: Largest share of the variance of straying levels that is left to each separately: 1e-3 of a slope's straying, whose
-#: median is 4 %, is far below any noise.
-_LEFT = 1e-3
 
 
 def residuals(force: Force, data: Observations) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -138,12 +132,12 @@ def weigh_levels(
 
             def weigh(points: slice) -> FloatArray:
                 if many:
-                    strays = _split_strays(*_place_levels(coordinates, data))
+                    strays = split_strays(*_place_levels(coordinates, data))
                     level = coordinates.scatter(x[points])[1]
-                    discrepancy, log_determinant = _of_many_levels(sums[:, points], level, doubt[points], *strays)
+                    discrepancy, log_determinant = integrate_curves(sums[:, points], level, doubt[points], *strays)
                 else:
                     covariance = level_covariance(x[points], coordinates, data, doubt[points])
-                    discrepancy, log_determinant = _of_levels(sums[:, points], covariance)
+                    discrepancy, log_determinant = integrate_levels(sums[:, points], covariance)
                 return np.asarray(-0.5 * discrepancy - 0.5 * log_determinant)
 
             # half of a symmetric matrix is worked on
@@ -165,7 +159,7 @@ def measure_discrepancy(x: FloatArray, coordinates: Coordinates, data: Observati
         sums = sum_rows(*averages, row[points], coordinates, data)
         if not (coordinates.with_level_scatter or coordinates.with_doubt):
             return np.asarray(np.sum(sums[1:], axis=0))
-        return _of_levels(sums, scatter_covariance(row[points], level[points], data))[0]
+        return integrate_levels(sums, scatter_covariance(row[points], level[points], data))[0]
 
     return by_blocks(weigh, len(x), max(len(data.A), len(data.sweeps) ** 2))
 
@@ -188,31 +182,12 @@ def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations
 
 def stray_levels(coordinates: Coordinates, data: Observations) -> FloatArray:
     """Covariance of ln A of the levels where the slope strays by 1, (s, s)."""
-    return _stray_levels(*_place_levels(coordinates, data))
+    return stray_at(*_place_levels(coordinates, data))
 
 
 def _place_levels(coordinates: Coordinates, data: Observations) -> tuple[tuple[float, ...], float]:
     """ln F of the levels, and where straying begins."""
     return tuple(np.log(data.tested_force)), float(np.log(coordinates.reference[2]))
-
-
-@lru_cache(maxsize=256)  # shared by all laws on a record
-def _stray_levels(z: tuple[float, ...], origin: float) -> FloatArray:
-    return stray_covariance(np.array(z), np.array(z), origin)
-
-
-@lru_cache(maxsize=256)  # as above
-def _split_strays(z: tuple[float, ...], origin: float) -> tuple[FloatArray, FloatArray]:
-    """Curves U (s, curves) and rests (s,) of straying levels at z (s,): U U^T + diag(rests) is nearly their covariance.
-
-    Its diagonal is exact, and at most ``_LEFT`` of it is in the rests.
-    """
-    whole = _stray_levels(z, origin)
-    variance, directions = np.linalg.eigh(whole)
-    left = np.cumsum(np.maximum(variance, 0.0))
-    shared = left > _LEFT * left[-1]
-    U = directions[:, shared] * np.sqrt(variance[shared])
-    return U, np.maximum(np.diagonal(whole) - np.sum(U**2, axis=1), 0.0)
 
 
 def scatter_covariance(row: FloatArray, level: FloatArray, data: Observations) -> FloatArray:
@@ -233,57 +208,6 @@ def level_exponents(force: Force, data: Observations) -> FloatArray:
     with np.errstate(all="ignore"):
         C, slope = force.grow(data.tested_amplitude, data.tested_omega)
         return np.asarray(np.maximum(np.nan_to_num(slope / C), 1.0 / OF_FRICTION))
-
-
-def _of_levels(sums: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """n^T V^-1 n, and ln |B| of rows whose levels have a covariance K, (points,) each, by Woodbury, B = I + S K S.
-
-    ``sums``: as of :func:`sum_rows`; S^2 holds those of h^2 over variance. Where they are not finite the results are
-    NaN.
-    """
-    nn, hh, hn = sums[1:].reshape(3, -1, sums.shape[1])
-    root = np.sqrt(hh)
-    s, points = root.shape
-    # Cholesky factor of B by columns, for all points at once; the row below it solves for S^-1 hn
-    factor = np.empty((s + 1, s, points))
-    np.multiply(root[:, None] * root, covariance.transpose(1, 2, 0), out=factor[:s])
-    pivots = np.einsum("jjp->jp", factor[:s])  # a view
-    pivots += 1.0
-    factor[s] = np.divide(hn, root, out=np.zeros(root.shape), where=root > 0.0)
-    within = np.maximum(nn - factor[s] ** 2, 0.0)  # zero for one row per level, up to rounding
-    _factorise(factor)
-    return np.sum(within + factor[s] ** 2, axis=0), 2.0 * np.sum(np.log(pivots), axis=0)
-
-
-def _of_many_levels(
-    sums: FloatArray, level: FloatArray, doubt: FloatArray, U: FloatArray, rests: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """`_of_levels` with K = diag(d) + doubt^2 U U^T, d = level^2 + doubt^2 ``rests``; by Woodbury a second time.
-
-    ``level``, ``doubt``: of each point; U (s, curves) and rests (s,): of `_split_strays`.
-    """
-    nn, hh, hn = sums[1:].reshape(3, -1, sums.shape[1])
-    s, curves = U.shape
-    d = level**2 + np.multiply.outer(rests, doubt**2)
-    own = 1.0 + hh * d
-    factor = np.empty((curves + 1, curves, len(doubt)))
-    products = (U[:, :, None] * U[:, None]).reshape(s, curves**2).T
-    factor[:curves] = (products @ (hh / own)).reshape(curves, curves, len(doubt)) * doubt**2
-    pivots = np.einsum("jjp->jp", factor[:curves])  # a view
-    pivots += 1.0
-    factor[curves] = doubt * (U.T @ (hn / own))
-    alone = np.sum(np.maximum(nn - hn**2 * d / own, 0.0), axis=0)
-    _factorise(factor)
-    log_determinant = np.sum(np.log(own), axis=0) + 2.0 * np.sum(np.log(pivots), axis=0)
-    return alone - np.sum(factor[curves] ** 2, axis=0), log_determinant
-
-
-def _factorise(factor: FloatArray) -> None:
-    """Cholesky factors L of matrices (k, k, points), by columns in place; a row b below becomes L^-1 b."""
-    for j in range(factor.shape[1]):
-        if j:
-            factor[j:, j] -= np.einsum("rkp,kp->rp", factor[j:, :j], factor[j, :j])
-        factor[j:, j] /= np.sqrt(factor[j, j])
 
 
 def by_sweep(values: FloatArray, data: Observations) -> FloatArray:
