@@ -210,6 +210,12 @@ class EffectPosterior:
     standard_error: float
     chains: Chains
 
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """That the chains ended unconverged, if so."""
+        rough = "the intervals of the strengths are rough, since their chains ended before they had converged"
+        return () if self.chains.converged else (f"{rough} ({self.chains.failure})",)
+
 
 @np.errstate(all="ignore")  # some draws are impossible models, of density zero
 def sample_effects(leading: ModelFit, seed: int) -> EffectPosterior:

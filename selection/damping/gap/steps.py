@@ -32,7 +32,7 @@ def solve_step(
         H[:, diagonal, diagonal] += 1.0
         gradient = (r[:, np.newaxis] @ weighted)[:, 0] + y
         H[:, diagonal, diagonal] *= 1.0 + damping[:, np.newaxis]
-        step = -np.linalg.solve(H, gradient[:, :, np.newaxis])[:, :, 0]
+        step = np.asarray(-np.linalg.solve(H, gradient[:, :, np.newaxis])[:, :, 0])
     return np.clip(step, -_LONGEST_STEP, _LONGEST_STEP), -0.5 * np.sum(gradient * step, axis=1) * (1.0 + damping)
 
 
