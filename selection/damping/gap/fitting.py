@@ -6,7 +6,7 @@ The evidence penalises every free shape and strength of a hypothesis (MacKay 199
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain, product
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from scipy.special import logsumexp
@@ -70,6 +70,9 @@ class Fits:
             name: forms for name, effect in asked.items() if (forms := list_forms(effect, self.problem.scales))
         }
         self.choices = self.choices or len(self.forms)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"done": nothing}  # a finished search reports no more, also where it is sent
 
     def drop(self, hypothesis: Hypothesis, name: str) -> Hypothesis:
         """A hypothesis without one of its effects, fitted from its modes unless a fit not far behind it exists."""
