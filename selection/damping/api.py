@@ -18,7 +18,7 @@ from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predi
 from damping.extrapolation.prepared import prepare_record
 from damping.extrapolation.requested import list_asked
 from damping.infer import SEED
-from damping.progress import Progress, silent, single_threaded, watch
+from damping.progress import Progress, silent, single_threaded, unknown_length, watch
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records import audit
@@ -177,6 +177,7 @@ def diagnose(
     """
     from damping.agreement import compare_with_ranking  # noqa: PLC0415 - loads the diagnosis, which few functions need
     from damping.gap.corrected import sample_effects  # noqa: PLC0415 - as above
+    from damping.gap.diagnose import HYPOTHESES  # noqa: PLC0415 - as above
     from damping.gap.diagnose import diagnose as diagnose_gap  # noqa: PLC0415 - as above
 
     check_kind(mode, Mode, "mode")
@@ -190,7 +191,8 @@ def diagnose(
     for state_record, state_mode in states:
         check_kind(state_mode, Mode, "mode of a state")
         check(state_record, state_mode).require(despite, diagnosed=True)
-    gap = diagnose_gap(record, mode, states=states, simulate=simulate)
+    with unknown_length(progress, "diagnosing", HYPOTHESES) as report:
+        gap = diagnose_gap(record, mode, states=states, simulate=simulate, done=report)
     against = AGREED if states or simulate or not compare else compare_with_ranking(gap.record, gap, findings, seed)
     audited = (str(finding).replace(" (caution):", ":", 1) for finding in findings.findings)
     gap = replace(gap, cautions=(*audited, *gap.cautions))
@@ -199,6 +201,7 @@ def diagnose(
     with progress("posterior", 1) as done:
         sampled = sample_effects(gap.leading.best, seed)
         done("done")
+    gap = replace(gap, cautions=(*gap.cautions, *sampled.cautions))
     return DiagnosisResult(gap, sampled, findings, against)
 
 

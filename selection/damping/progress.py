@@ -27,6 +27,27 @@ def silent(title: str, total: int) -> Iterator[Advance]:
     yield lambda what, parts=1: None
 
 
+def nothing(what: str) -> None:
+    """Report of a part that is not shown."""
+
+
+@contextmanager
+def unknown_length(progress: Progress, title: str, usual: int) -> Iterator[Callable[[str], None]]:
+    """Progress in per cent of work of unknown length, a half after ``usual`` parts; what is left when it ends."""
+    with progress(title, 100) as advance:
+        done = shown = 0
+
+        def report(what: str) -> None:
+            nonlocal done, shown
+            done += 1
+            now = 100 * done // (done + usual)
+            advance(what, now - shown)
+            shown = now
+
+        yield report
+        advance("done", 100 - shown)
+
+
 def watch(progress: object) -> Progress:
     """A user's ``progress``, checked; InputError if it is not callable, or when it does not return a context."""
     if not callable(progress):

@@ -43,7 +43,7 @@ def made_once():
             made[key] = plan(data, laws, seed, done, mode, estimate)
         return made[key]
 
-    def explain_once(record, mode, *others, brief=False):
+    def explain_once(record, mode, *others, brief=False, done=None):
         assert not any(others)
         key = (record.table.to_csv(), repr(mode), brief, *diagnose.CATALOGUE)
         if key not in made:

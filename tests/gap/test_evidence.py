@@ -17,7 +17,7 @@ from damping.effects import CATALOGUE
 from damping.gap.corrected import log_density, sample_effects
 from damping.gap.diagnose import explain
 from damping.gap.directed import directed_tests
-from damping.gap.fit import ModelFit, decorrelate, fit_model
+from damping.gap.fit import ModelFit, decorrelate, fit_model, fit_roughly
 from damping.gap.model import Model, Scatter
 from damping.gap.problem import setting
 from damping.gap.readings import describe_noise
@@ -369,3 +369,24 @@ def test_the_evidence_of_two_effects_is_averaged_over_the_forms_of_both(lab):
     expected = alone - np.log(len(search.forms["slip"]) * len(search.forms["drift"]))
     found = [search._store(effects, [fit]).log_evidence for effects in (("slip", "drift"), ("drift", "slip"))]
     np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_deviations_of_many_sweeps_are_eliminated_sweep_by_sweep(lab, monkeypatch):
+    """The dense solution of the same steps, without a matrix of all sweeps: 100 single rows took a minute a search."""
+    bench = lab.bench(levels=30, points=4)
+    record = lab.record(bench.rows, lab.linear(bench.rows, viscous=1.1 * lab.viscous), 1)
+    own = setting(record, lab.mode(None, None))
+    model, solve, sizes = Model(own.problem, (), own.unknowns.first), np.linalg.solve, []
+
+    def watched(a, b):
+        sizes.append(a.shape[-1])
+        return solve(a, b)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("numpy.linalg.solve", watched)
+        by_sweeps = fit_roughly(model, np.zeros((1, model.size)))[0]
+    assert max(sizes) == model.size
+    monkeypatch.setattr("damping.gap.steps._MANY", 30)
+    whole = fit_roughly(model, np.zeros((1, model.size)))[0]
+    np.testing.assert_allclose(by_sweeps.y, whole.y, rtol=0.0, atol=1e-9)  # rounding, in standard deviations
+    assert np.abs(whole.y).max() > 0.5

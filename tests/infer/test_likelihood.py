@@ -67,6 +67,28 @@ def test_against_a_dense_multivariate_normal(peaks):
     np.testing.assert_allclose(log_likelihood(x, c, data), dense(x, c, data), rtol=1e-9)  # two routes, 15 x 15 algebra
 
 
+@pytest.mark.parametrize("forces", ["equal", "three", "all differ"])
+def test_many_levels_stray_as_the_dense_covariance_says(peaks, monkeypatch, forces):
+    """Single rows, each a sweep of its own label, took minutes: every density cost the cube of their number."""
+    rng, n = np.random.default_rng(8), 60
+    A = {"equal": np.ones(n), "three": np.tile([0.5, 1.0, 2.0], 20), "all differ": rng.uniform(0.5, 2.0, n)}[forces]
+    data = peaks(A, 2.0 * A**1.3 * 10.0 * rng.normal(1.0, 0.02, n), 10.0)
+    data = replace(data, tested_force=np.round(20.0 * A, 12))
+    law = Balanced.of(Coordinates.of(Law(("viscous", "velocity-squared")), data), data)
+    z, used = 0.5 * rng.standard_normal((2000, law.coordinates.dimension)), []
+    z[:, 0] *= 0.1
+    monkeypatch.setattr("damping.infer.likelihood.integrate_levels", lambda *given: used.append(given))
+    by_curves = law.log_density(z)
+    assert not used  # no matrix of all levels is factorised
+    monkeypatch.undo()
+    monkeypatch.setattr("damping.infer.likelihood._FEW", n)
+    whole = law.log_density(z)
+    near = whole > whole.max() - 20.0  # the others have no weight
+    assert near.sum() > 10
+    # laws are told apart by differences of 1
+    np.testing.assert_allclose(by_curves[near], whole[near], rtol=0.0, atol=0.05)
+
+
 def test_residual_at_resonance_is_the_relative_amplitude_error(peaks):
     # C = (8/3 pi) c (A omega)^2: a 1 % amplitude error reads 1 % to first order, the next term being 1 % of that
     A, omega, c = np.array([1.0, 1.4]), 10.0, 0.13

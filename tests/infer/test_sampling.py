@@ -67,3 +67,18 @@ def test_a_quantity_that_never_moves_has_not_converged():
     still = assess_convergence("still", np.ones((100, 8)), ensembles=4)
     assert not still.r_hat <= 1.01
     assert not still.effective_size >= 1000.0
+
+
+def test_a_quantity_that_is_held_does_not_prolong_a_run(problem):
+    """The mode's frequency beside a user's simulator is the same at every draw: runs took all their budget."""
+    c, data, start = problem
+    held = sample(c, data, start, lambda x: {"held": np.full(len(x), 0.1)}, seed=1)
+    assert (held.failure, held.steps) == ("", sample(c, data, start, nothing, seed=1).steps)
+    assert sample(c, data, start, lambda x: {"lost": np.full(len(x), np.nan)}, 1, Settings(budget=80)).failure
+
+
+@pytest.mark.parametrize("rows", [60, 1000, 5000])
+def test_work_of_a_run_is_bounded_on_any_number_of_rows(rows):
+    own = Settings().within(6e7, rows)
+    assert (own.tries == Settings().tries) == (rows <= 1000)  # ordinary records as ever
+    assert own.budget * own.tries * own.walkers * own.ensembles * rows <= 6e7

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import re
 import shlex
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from damping.progress import unknown_length
 from damping.report.forms import PART_NAMES
 from damping_pipelines import QUIET
 from damping_pipelines.cli import app
@@ -211,3 +213,20 @@ def test_numbers_of_notes_rise():
 )
 def test_numbers_beside_each_other_have_even_digits(value, digits, text):
     assert number_whole(value, digits, "#") == text
+
+
+def test_progress_of_unknown_length_goes_on_and_ends_whole():
+    shown = []
+
+    @contextmanager
+    def progress(title, total):
+        yield lambda what, parts=1: shown.append(parts)
+
+    with unknown_length(progress, "diagnosing", 10) as report:
+        for _ in range(10):
+            report("a fit")
+        assert sum(shown) == 50  # a half after the usual number
+        for _ in range(1000):
+            report("a further fit")
+        assert 95 < sum(shown) < 100
+    assert sum(shown) == 100

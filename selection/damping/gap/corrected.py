@@ -17,7 +17,7 @@ from damping.forces import list_parameter_names
 from damping.forces.powers import Viscous
 from damping.gap.fit import ModelFit
 from damping.gap.simulation import NO_SCATTER, within_tolerance
-from damping.infer.chains import Chains, Target, run
+from damping.infer.chains import Chains, Settings, Target, run
 from damping.infer.importance import importance
 from damping.infer.likelihood import by_blocks, log_prior
 from damping.records.mode import Mode
@@ -25,6 +25,8 @@ from damping.records.mode import Mode
 #: Number of draws behind each interval; content of every interval of a diagnosis.
 _DRAWS = 400
 CONTENT = 0.9
+#: Most densities of one row for chains: about ten seconds of processor time. Ordinary explanations need a twentieth.
+_WORK = 6e7
 #: A best fit is at the end of its range beyond this distance from the prior mean (in standard deviations), or beyond
 #: this share of the largest strength.
 _FAR = 2.5
@@ -208,6 +210,12 @@ class EffectPosterior:
     standard_error: float
     chains: Chains
 
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """That the chains ended unconverged, if so."""
+        rough = "the intervals of the strengths are rough, since their chains ended before they had converged"
+        return () if self.chains.converged else (f"{rough} ({self.chains.failure})",)
+
 
 @np.errstate(all="ignore")  # some draws are impossible models, of density zero
 def sample_effects(leading: ModelFit, seed: int) -> EffectPosterior:
@@ -216,7 +224,7 @@ def sample_effects(leading: ModelFit, seed: int) -> EffectPosterior:
     variables = leading.model.size
     start = importance(density, leading.y[:variables], leading.covariance[:variables, :variables], seed)
     target = Target(density, variables, partial(parameters, leading))
-    chains = run(target, start, seed)
+    chains = run(target, start, seed, Settings().within(_WORK, len(leading.model.problem.rows)))
     values = parameters(leading, chains.x.reshape(-1, variables))
     table = np.column_stack(list(values.values()))
     return EffectPosterior(tuple(values), table, start.log_z, start.standard_error, chains)

@@ -1,6 +1,6 @@
 """The diagnosis of a record: hypotheses are searched, weighed and doubted, and the answers form one result."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
@@ -34,8 +34,11 @@ from damping.gap.where import (
     residual_cells,
     trend_of,
 )
+from damping.progress import nothing
 from damping.records.mode import Mode, Units
 from damping.records.record import Record
+
+HYPOTHESES = 60  #: Fitted in a usual diagnosis, about; progress is half way there.
 
 
 @dataclass(frozen=True)
@@ -140,6 +143,7 @@ def explain(
     simulate: Simulate | None = None,
     *,
     brief: bool = False,
+    done: Callable[[str], None] = nothing,
 ) -> Explained:
     """Fit and weigh every hypothesis about the gap between a simulation and a record.
 
@@ -148,6 +152,7 @@ def explain(
         simulate: the user's own simulation in the place of the mode, see `damping.gap.simulation.Simulator`.
         brief: skip causes outside the library where more than noise is left and the probability of a cause in the
             library is already below ``KNOWN``; weighing them could only lower it.
+        done: reports each hypothesis that was fitted.
 
     Raises:
         AnalysisError: model and record are of different modes, there are too many rows, or resonances alone and a
@@ -175,7 +180,7 @@ def explain(
     cautions = [*doubts, *driven.notes, *of_states, *record_cautions(rows, record, stated)]
     if unused := ", ".join(stated.damping.keys() - mode.damping.keys()):
         cautions.append(f"the damping {unused} of the mode file is ignored: the simulation has its own")
-    known, search = search_hypotheses(start, library)
+    known, search = search_hypotheses(start, library, done)
     compared = {"record": record, "mode": mode, "states": tuple(states), "simulate": simulate, "unit": driven.unit}
     return _weigh_search(known, search, cautions, brief=brief, **compared)
 
@@ -226,12 +231,13 @@ def diagnose(
     mode: Mode,
     states: Sequence[State] = (),
     simulate: Simulate | None = None,
+    done: Callable[[str], None] = nothing,
 ) -> Diagnosis:
     """Diagnose the gap between a simulation and a record; arguments and errors as of `explain`.
 
     Adds doubts, levels held out, places and trends to what `explain` finds.
     """
-    explained = explain(record, mode, states, simulate)
+    explained = explain(record, mode, states, simulate, done=done)
     known, hypotheses, leading = explained.setting, explained.hypotheses, explained.leading
     held_out = size.hold_levels_out(known, explained.search, leading.best)
     gap = size.measure_gap(leading.best)

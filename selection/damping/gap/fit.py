@@ -14,6 +14,7 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray
 from damping.gap.model import Model
+from damping.gap.steps import solve_step
 from damping.gap.wild import WILD_WEIGHT, find_pattern, log_likelihood, robust_weights
 
 #: Most steps. A fit has converged where -ln(posterior) decreases by less than this, plus a share of its excess over
@@ -31,8 +32,6 @@ _STUCK = 1e3
 _FIRST_DAMPING = 1e-2
 _EASED = 0.2
 _STIFFENED = 8.0
-#: Largest change of a variable (prior standard deviation 1) in one step, beyond which residuals are far from linear.
-_LONGEST_STEP = 1.5
 #: Robust scale of the residuals, over that of noise, from which a fit is far off.
 _FAR_OFF = 1.5
 #: Number of starts tried, those of least cost; after ``_PATIENCE`` steps only ``_SURVIVORS`` go on,
@@ -178,7 +177,7 @@ def _climb(
             y, r, J, damping, active, costs, scales = (a[keep] for a in (y, r, J, damping, active, costs, scales))
         at = np.flatnonzero(active)
         scale = _spread(r[at]) if step < _PATIENCE else np.ones(at.size)
-        moved, promised = _step(r[at], J[at], y[at], damping[at], scale, weights)
+        moved, promised = solve_step(r[at], J[at], y[at], damping[at], scale, weights, model)
         worth = active[at] = (promised > _NOTHING) | (scale != 1.0)
         at, scale, new = at[worth], scale[worth], (y[at] + moved)[worth]
         if at.size == 0:
@@ -219,21 +218,6 @@ def _cost(r: FloatArray, y: FloatArray, scale: FloatArray, weights: FloatArray |
     if weights is not None:
         return np.asarray(prior + 0.5 * r**2 @ weights)
     return np.asarray(prior - scale**2 * log_likelihood(r / scale[:, np.newaxis]))
-
-
-def _step(
-    r: FloatArray, J: FloatArray, y: FloatArray, damping: FloatArray, scale: FloatArray, weights: FloatArray | None
-) -> tuple[FloatArray, FloatArray]:
-    """The damped step of each start, and about the decrease of minus the log posterior that an undamped one gives."""
-    counts = robust_weights(r / scale[:, np.newaxis]) if weights is None else weights
-    weighted = J * counts[..., np.newaxis]
-    H = np.swapaxes(weighted, 1, 2) @ J
-    diagonal = np.arange(H.shape[1])
-    H[:, diagonal, diagonal] += 1.0
-    gradient = (r[:, np.newaxis] @ weighted)[:, 0] + y
-    H[:, diagonal, diagonal] *= 1.0 + damping[:, np.newaxis]
-    step = -np.linalg.solve(H, gradient[:, :, np.newaxis])[:, :, 0]
-    return np.clip(step, -_LONGEST_STEP, _LONGEST_STEP), -0.5 * np.sum(gradient * step, axis=1) * (1.0 + damping)
 
 
 def _fit(model: Model, y: FloatArray, r: FloatArray, J: FloatArray, weights: FloatArray | None) -> ModelFit:

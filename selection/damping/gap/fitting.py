@@ -3,10 +3,10 @@
 The evidence penalises every free shape and strength of a hypothesis (MacKay 1992), the prior every effect.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain, product
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from scipy.special import logsumexp
@@ -18,6 +18,7 @@ from damping.gap.fit import ModelFit, drop_effect, fit_roughly, polish_fits
 from damping.gap.hypotheses import NEAR, Hypothesis, Start, at_gap, choose_forms, list_starts
 from damping.gap.model import SPREAD, Problem
 from damping.gap.unknowns import Unknowns, marginalise_scatter
+from damping.progress import nothing
 
 #: Prior odds of the simulation alone against any one effect; each further effect costs a factor, the number of effects.
 PRIOR_NULL = 25.0
@@ -46,6 +47,7 @@ class Fits:
         problem, effects: the record with its simulation, and the library. unknown: candidates of scatter and noise.
         hypotheses: fitted ones, by effects. units: the strength of each form at which its gap equals the noise.
         choices: number of effects a further one is chosen from; if 0, the number that the record can show.
+        done: reports each hypothesis that was fitted.
         forms: forms of each effect that the record can show.
     """
 
@@ -55,6 +57,7 @@ class Fits:
     hypotheses: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     units: dict[Form, float] = field(default_factory=dict)
     choices: int = 0
+    done: Callable[[str], None] = nothing
     forms: dict[str, tuple[Form, ...]] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -67,6 +70,9 @@ class Fits:
             name: forms for name, effect in asked.items() if (forms := list_forms(effect, self.problem.scales))
         }
         self.choices = self.choices or len(self.forms)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"done": nothing}  # a finished search reports no more, also where it is sent
 
     def drop(self, hypothesis: Hypothesis, name: str) -> Hypothesis:
         """A hypothesis without one of its effects, fitted from its modes unless a fit not far behind it exists."""
@@ -89,7 +95,7 @@ class Fits:
         Strengths keep their units, so priors do not change. ``kept``: rows of this problem that the other one has.
         ``larger``: factor on the variance of its noise, by which odds are smaller.
         """
-        other = type(self)(problem, self.effects, unknown, units=self.units)
+        other = type(self)(problem, self.effects, unknown, units=self.units, done=self.done)
         ranked = self.ranked()
         least = ranked[0].log_posterior - larger * _LOST_AGAIN
         probable = [hypothesis for hypothesis in ranked[:_AGAIN] if hypothesis.log_posterior > least]
@@ -188,4 +194,5 @@ class Fits:
         others = tuple(sorted(rivals, key=lambda fit: -fit.log_evidence)[:1])  # the best of other forms
         hypothesis = Hypothesis(effects, marginal[first], best, others, evidence, evidence + float(prior))
         self.hypotheses[hypothesis.key] = hypothesis
+        self.done(" + ".join(effects) or "no effect")
         return hypothesis

@@ -150,7 +150,9 @@ def fit_foreign(search: Search, leading: Hypothesis) -> list[Hypothesis]:
     parameters = [hypothesis for hypothesis in search.ranked() if set() < hypothesis.key <= of_simulation]
     fitted = {key: old for key, old in search.hypotheses.items() if key <= leading.key or key <= of_simulation}
     named = {name: search.effects[name] for name in frozenset().union(*fitted)}
-    foreign = Search(search.problem, {**FOREIGN, **named}, search.unknown, fitted, choices=search.choices)
+    foreign = Search(
+        search.problem, {**FOREIGN, **named}, search.unknown, fitted, choices=search.choices, done=search.done
+    )
     foreign.singles()
     for replaced in leading.effects if len(leading.effects) > 1 else ():
         foreign.extend_by_gain(foreign.drop(leading, replaced), FOREIGN.keys(), MOST_FOREIGN)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from itertools import chain, combinations, islice, product
 
@@ -29,6 +29,7 @@ from damping.gap.hypotheses import (
 from damping.gap.model import Model
 from damping.gap.problem import Setting
 from damping.gap.unknowns import spread
+from damping.progress import nothing
 
 #: A further effect is fitted where its linear gain in ln p exceeds the first and, times the second (fits gain more than
 #: linear estimates), brings the hypothesis within ``NEAR`` of the most probable.
@@ -233,14 +234,16 @@ class Search(Fits):
             self.extend(base, name, starts)
 
 
-def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
+def search_hypotheses(
+    start: Setting, effects: Mapping[str, Effect], done: Callable[[str], None] = nothing
+) -> tuple[Setting, Search]:
     """The finished search of a setting, and the setting with its noise (where not stated) and its dispersion.
 
     Where even the best explanation misses by more than noise, all are compared again with noise enlarged to its
     residuals. If no explanation is the whole truth, the one with the smallest residuals should lead, not one that
     happens to agree with a part of the rows.
     """
-    known, search = _search_with_noise(start, effects)
+    known, search = _search_with_noise(start, effects, done)
     if not known.noise_known and len(known.problem.rows) < FEW_ROWS:
         return known, search  # the noise prior of so few rows is wide enough
     for _ in range(MOST_DISPERSIONS):
@@ -253,22 +256,24 @@ def search_hypotheses(start: Setting, effects: Mapping[str, Effect]) -> tuple[Se
     return known, search
 
 
-def _search_with_noise(start: Setting, effects: Mapping[str, Effect]) -> tuple[Setting, Search]:
+def _search_with_noise(
+    start: Setting, effects: Mapping[str, Effect], done: Callable[[str], None]
+) -> tuple[Setting, Search]:
     """A search with the stated noise; else with noise from its leading explanation's residuals, iterated to stability.
 
     The first estimate is from the simulation alone, too large if that is wrong; the next from the best single effect.
     """
     if start.noise_known:
-        return start, Search(start.problem, effects, start.unknowns).run()
+        return start, Search(start.problem, effects, start.unknowns, done=done).run()
     for _ in range(2):
         start = start.with_noise_of(Search(start.problem, {}, start.unknowns).run().ranked()[0].best)
-    search, combined = Search(start.problem, effects, start.unknowns), False
+    search, combined = Search(start.problem, effects, start.unknowns, done=done), False
     search.singles()
     for _ in range(MOST_NOISES):
         better = start.with_noise_of(search.ranked()[0].best)
         if not better.has_noise_of(start):
             several = [hypothesis for hypothesis in search.ranked() if len(hypothesis.effects) > 1][:MOST_CARRIED]
-            start, search = better, Search(better.problem, effects, better.unknowns)
+            start, search = better, Search(better.problem, effects, better.unknowns, done=done)
             search.singles()
             for hypothesis in several:
                 search.adopt(hypothesis)

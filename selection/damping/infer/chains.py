@@ -42,6 +42,9 @@ BURN_IN = 0.1
 TAILS = (0.05, 0.95)
 #: Factor by which a run that has not converged is extended before the next check.
 GROWTH = 1.5
+#: Most rows times draws that a walker weighs at a step, and fewest of these draws.
+_MOST_TRIED = 16_000
+_FEWEST_TRIES = 4
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,12 @@ class Settings:
     lengths: float = 50.0  #: criterion: at least
     r_hat: float = 1.01  #: criterion: at most
     draws_kept: int = 400  #: of each ensemble
+
+    def within(self, work: float, rows: int) -> Settings:
+        """These sizes with fewer tries on many rows, and a budget of at most ``work`` densities of one row."""
+        tries = min(self.tries, max(_MOST_TRIED // rows, _FEWEST_TRIES))
+        steps = int(work / (self.ensembles * self.walkers * tries * rows))
+        return replace(self, tries=tries, budget=min(self.budget, max(steps, self.first)))
 
 
 @dataclass(frozen=True)
@@ -252,8 +261,11 @@ def run(target: Target, start: Evidence, seed: int, settings: Settings | None = 
 
 
 def _describe_failure(diagnoses: tuple[Convergence, ...], settings: Settings) -> str:
-    """The first criterion that is missed, in words; empty when all are met."""
-    for d in diagnoses:
+    """The first criterion that is missed, in words; empty when all are met.
+
+    A quantity that is the same at every draw, such as a parameter that is held, has nothing to converge.
+    """
+    for d in (d for d in diagnoses if not (np.isnan(d.effective_size) and np.isfinite(d.mean))):
         if not d.r_hat <= settings.r_hat:
             return f"{d.name}: R-hat {d.r_hat:.4f} above {settings.r_hat}"
         if not d.effective_size >= settings.effective_size:

@@ -159,13 +159,23 @@ def stray(
     drawn[:, : len(within)] += by_within.standard_normal((number, 1)) * sd_within
 
     drawn *= sigma[:, None]
-    errors = (np.linalg.cholesky(noise) @ by_errors.standard_normal((number, len(at), 1)))[..., 0]
+    errors = (find_root(noise) @ by_errors.standard_normal((number, len(at), 1)))[..., 0]
     square = (sigma**2)[:, None, None] * of_levels + noise
     wanted = np.stack([left, left - sigma[:, None] * levels - errors], axis=-1)
     gained = to_levels @ np.linalg.solve(square, wanted)
     gained *= (sigma**2)[:, None, None]
     gained[..., 1] += drawn
     return gained[..., 0], gained[..., 1]
+
+
+def find_root(noise: FloatArray) -> FloatArray:
+    """Cholesky factors of covariances (draws, levels, levels), at once where levels have errors of their own alone."""
+    own = np.einsum("dll->dl", noise)
+    if np.count_nonzero(noise) > np.count_nonzero(own):
+        return np.asarray(np.linalg.cholesky(noise))
+    root = np.zeros_like(noise)
+    np.einsum("dll->dl", root)[:] = np.sqrt(own)
+    return root
 
 
 @lru_cache(maxsize=16)  # shared by all laws on a record

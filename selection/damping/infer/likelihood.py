@@ -15,14 +15,14 @@ its rows by h = g / sqrt(g^2 + R^2):
 """
 
 from collections.abc import Callable
-from functools import lru_cache
 
 import numpy as np
 
 from damping.arrays import FloatArray
 from damping.forces.contract import Force
-from damping.infer.doubt import OF_FRICTION, stray_covariance
+from damping.infer.doubt import OF_FRICTION
 from damping.infer.law import Coordinates
+from damping.infer.levels import integrate_curves, integrate_levels, split_strays, stray_at
 from damping.infer.observations import Observations
 
 #: The prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow.
@@ -31,7 +31,7 @@ REACH = 8.0
 BLOCK = 15_000
 #: Correlation length of the drift of a decay in ln A: a level or two of the usual steps of a fifth.
 DRIFT_LENGTH = 0.4
-#: Most sweeps for which a matrix product is the fastest way to sums over each.
+#: Most sweeps for which a matrix product is the fastest way to sums over each, and a factor of their covariance cheap.
 _FEW = 32
 
 
@@ -127,14 +127,21 @@ def weigh_levels(
     value = sums[0]
     with np.errstate(all="ignore"):
         if coordinates.with_level_scatter or coordinates.with_doubt:
+            levels = len(data.sweeps)
+            many = levels > _FEW and not data.amplitude_is_input  # the drift of a decay is too rough for few curves
 
             def weigh(points: slice) -> FloatArray:
-                covariance = level_covariance(x[points], coordinates, data, doubt[points])
-                discrepancy, log_determinant = _of_levels(sums[:, points], covariance)
+                if many:
+                    strays = split_strays(*_place_levels(coordinates, data))
+                    level = coordinates.scatter(x[points])[1]
+                    discrepancy, log_determinant = integrate_curves(sums[:, points], level, doubt[points], *strays)
+                else:
+                    covariance = level_covariance(x[points], coordinates, data, doubt[points])
+                    discrepancy, log_determinant = integrate_levels(sums[:, points], covariance)
                 return np.asarray(-0.5 * discrepancy - 0.5 * log_determinant)
 
             # half of a symmetric matrix is worked on
-            value = value + by_blocks(weigh, len(x), (len(data.sweeps) ** 2 + 1) // 2)
+            value = value + by_blocks(weigh, len(x), levels if many else (levels**2 + 1) // 2)
         else:
             value = value - 0.5 * np.sum(sums[1:], axis=0)
     return np.where(np.isfinite(value), value, -np.inf)
@@ -152,7 +159,7 @@ def measure_discrepancy(x: FloatArray, coordinates: Coordinates, data: Observati
         sums = sum_rows(*averages, row[points], coordinates, data)
         if not (coordinates.with_level_scatter or coordinates.with_doubt):
             return np.asarray(np.sum(sums[1:], axis=0))
-        return _of_levels(sums, scatter_covariance(row[points], level[points], data))[0]
+        return integrate_levels(sums, scatter_covariance(row[points], level[points], data))[0]
 
     return by_blocks(weigh, len(x), max(len(data.A), len(data.sweeps) ** 2))
 
@@ -175,12 +182,12 @@ def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations
 
 def stray_levels(coordinates: Coordinates, data: Observations) -> FloatArray:
     """Covariance of ln A of the levels where the slope strays by 1, (s, s)."""
-    return _stray_levels(tuple(np.log(data.tested_force)), float(np.log(coordinates.reference[2])))
+    return stray_at(*_place_levels(coordinates, data))
 
 
-@lru_cache(maxsize=256)  # shared by all laws on a record
-def _stray_levels(z: tuple[float, ...], origin: float) -> FloatArray:
-    return stray_covariance(np.array(z), np.array(z), origin)
+def _place_levels(coordinates: Coordinates, data: Observations) -> tuple[tuple[float, ...], float]:
+    """ln F of the levels, and where straying begins."""
+    return tuple(np.log(data.tested_force)), float(np.log(coordinates.reference[2]))
 
 
 def scatter_covariance(row: FloatArray, level: FloatArray, data: Observations) -> FloatArray:
@@ -201,29 +208,6 @@ def level_exponents(force: Force, data: Observations) -> FloatArray:
     with np.errstate(all="ignore"):
         C, slope = force.grow(data.tested_amplitude, data.tested_omega)
         return np.asarray(np.maximum(np.nan_to_num(slope / C), 1.0 / OF_FRICTION))
-
-
-def _of_levels(sums: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """n^T V^-1 n, and ln |B| of rows whose levels have a covariance K, (points,) each, by Woodbury, B = I + S K S.
-
-    ``sums``: as of :func:`sum_rows`; S^2 holds those of h^2 over variance. Where they are not finite the results are
-    NaN.
-    """
-    nn, hh, hn = sums[1:].reshape(3, -1, sums.shape[1])
-    root = np.sqrt(hh)
-    s, points = root.shape
-    # Cholesky factor of B by columns, for all points at once; the row below it solves for S^-1 hn
-    factor = np.empty((s + 1, s, points))
-    np.multiply(root[:, None] * root, covariance.transpose(1, 2, 0), out=factor[:s])
-    pivots = np.einsum("jjp->jp", factor[:s])  # a view
-    pivots += 1.0
-    factor[s] = np.divide(hn, root, out=np.zeros(root.shape), where=root > 0.0)
-    within = np.maximum(nn - factor[s] ** 2, 0.0)  # zero for one row per level, up to rounding
-    for j in range(s):
-        if j:
-            factor[j:, j] -= np.einsum("rkp,kp->rp", factor[j:, :j], factor[j, :j])
-        factor[j:, j] /= np.sqrt(factor[j, j])
-    return np.sum(within + factor[s] ** 2, axis=0), 2.0 * np.sum(np.log(pivots), axis=0)
 
 
 def by_sweep(values: FloatArray, data: Observations) -> FloatArray:
