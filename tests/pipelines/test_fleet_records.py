@@ -117,7 +117,7 @@ def test_forms_of_a_fleet_are_whole(tmp_path, few_laws):
 def test_a_fleet_says_where_ranking_and_diagnosis_disagree(tmp_path, monkeypatch):
     """First in both forms and in the row, with the numbers of the prediction; the gap is explained once."""
     saturn, calls, explain = data_folder() / "saturn-v", [], diagnose.explain
-    monkeypatch.setattr(diagnose, "explain", lambda *given: calls.append(given) or explain(*given))
+    monkeypatch.setattr(diagnose, "explain", lambda *given, **named: calls.append(given) or explain(*given, **named))
     monkeypatch.setattr(agreement, "KEPT", 0.05)  # of the flagship, what leaves the band is one in eleven
     model = (saturn / "modes" / "config-2-mode-1.toml").read_text()
     table = pd.read_csv(saturn / "records" / "config-2-mode-1.csv")
