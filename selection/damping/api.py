@@ -176,9 +176,8 @@ def diagnose(
         AnalysisError: model and record are of different modes, or there are too many rows.
     """
     from damping.agreement import compare_with_ranking  # noqa: PLC0415 - loads the diagnosis, which few functions need
-    from damping.gap.corrected import sample_effects  # noqa: PLC0415 - as above
-    from damping.gap.diagnose import HYPOTHESES  # noqa: PLC0415 - as above
-    from damping.gap.diagnose import diagnose as diagnose_gap  # noqa: PLC0415 - as above
+    from damping.gap import corrected  # noqa: PLC0415 - as above
+    from damping.gap import diagnose as diagnosis  # noqa: PLC0415 - as above
 
     check_kind(mode, Mode, "mode")
     check_seed(seed)
@@ -191,18 +190,17 @@ def diagnose(
     for state_record, state_mode in states:
         check_kind(state_mode, Mode, "mode of a state")
         check(state_record, state_mode).require(despite, diagnosed=True)
-    with unknown_length(progress, "diagnosing", HYPOTHESES) as report:
-        gap = diagnose_gap(record, mode, states=states, simulate=simulate, done=report)
+    with unknown_length(progress, "diagnosing", diagnosis.HYPOTHESES) as report:
+        gap = diagnosis.diagnose(record, mode, states=states, simulate=simulate, done=report)
     against = AGREED if states or simulate or not compare else compare_with_ranking(gap.record, gap, findings, seed)
     audited = (str(finding).replace(" (caution):", ":", 1) for finding in findings.findings)
-    gap = replace(gap, cautions=(*audited, *gap.cautions))
-    if not posterior:
-        return DiagnosisResult(gap, None, findings, against)
-    with progress("posterior", 1) as done:
-        sampled = sample_effects(gap.leading.best, seed)
-        done("done")
-    gap = replace(gap, cautions=(*gap.cautions, *sampled.cautions))
-    return DiagnosisResult(gap, sampled, findings, against)
+    sampled = None
+    if posterior:
+        with progress("posterior", 1) as done:
+            sampled = corrected.sample_effects(gap.leading.best, seed)
+            done("done")
+    cautions = (*audited, *gap.cautions, *(sampled.cautions if sampled else ()))
+    return DiagnosisResult(replace(gap, cautions=cautions), sampled, findings, against)
 
 
 @single_threaded

@@ -57,9 +57,9 @@ NEGLIGIBLE = 1e-6
 FREQUENCY_SCATTER_LOG_SD = 1.5
 #: Quantiles that represent that prior.
 _SCATTERS = FREQUENCY_SCATTER * np.exp(FREQUENCY_SCATTER_LOG_SD * ndtri((np.arange(16) + 0.5) / 16))
-#: A frequency farther than this factor from every tested one belongs to another mode: it is not predicted, nor
-#: is one whose band reaches so far.
-FARTHEST = 2.0
+#: A frequency that is farther than this factor from every tested one belongs to another mode and is not predicted; a
+#: frequency and its band are left out too where the band reaches so far.
+ANOTHER_MODE = 2.0
 #: Relative change of the resonance above which amplitudes are solved along the backbone: the effect of a smaller
 #: change is below the error of a reading.
 MOVED = 0.02
@@ -96,7 +96,7 @@ class Backbone:
     scatter: float = 0.0  #: relative, of a frequency from sweep to sweep, as the mode states it; 0 if it does not
 
     def frequency_at(self, amplitude: FloatArray, level: float) -> Interval:
-        """Frequency in Hz that the next test would read at each amplitude (rows,); NaN beyond ``FARTHEST``."""
+        """Frequency in Hz that the next test would read at each amplitude (rows,); NaN beyond ``ANOTHER_MODE``."""
         top = float(self.amplitude.max())
         within = top * np.clip(np.where(np.isfinite(amplitude), amplitude / top, 1.0), 1.0 / _LARGEST, _LARGEST)
         tail = 0.5 * (1.0 - level)
@@ -107,9 +107,9 @@ class Backbone:
         return Interval(*(np.where(near, f, np.nan) for f in (median, low, high)))
 
     def is_near(self, frequency: FloatArray) -> BoolArray:
-        """Whether frequencies in Hz lie within ``FARTHEST`` of the tested ones; False for NaN."""
+        """Whether frequencies in Hz lie within ``ANOTHER_MODE`` of the tested ones; False for NaN."""
         omega = RAD_S_PER_HZ * frequency
-        return np.asarray((omega > self.omega.min() / FARTHEST) & (omega < self.omega.max() * FARTHEST))
+        return np.asarray((omega > self.omega.min() / ANOTHER_MODE) & (omega < self.omega.max() * ANOTHER_MODE))
 
     def solve(self, force: Force, F: FloatArray, omega: float) -> FloatArray:
         """Amplitude (draws, forces) where C(A, omega(A)) = F, for a ``force`` with draws (draws, 1) and F (forces,).

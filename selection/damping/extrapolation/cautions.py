@@ -10,7 +10,6 @@ from damping.infer.observations import Observations
 
 _WORDS = {2: "two", 3: "three", 4: "four"}
 
-
 #: Beginning of a caution that says why there is no prediction.
 REFUSAL = "no prediction"
 #: Caution beyond a test without nonlinearity: on dampers that saturate just above it, and on parts that begin to rub
@@ -21,11 +20,11 @@ STAYS_LINEAR = (
 )
 #: Largest predicted amplitude over the largest tested one, and largest ratio of the ends of a band: three decades,
 #: where tests seldom span one.
-FARTHEST = 1000.0
+NOTHING_KNOWN = 1000.0
 #: Why there is no prediction beyond it.
 UNKNOWN = (
-    f"{REFUSAL}: nothing is known there (an amplitude over {FARTHEST:g} times the largest tested one, or a band whose "
-    "ends lie as far apart)"
+    f"{REFUSAL}: nothing is known there (an amplitude over {NOTHING_KNOWN:g} times the largest tested one, or a band "
+    "whose ends lie as far apart)"
 )
 #: Beginning of the caution that a prediction is beyond the largest tested force or amplitude.
 BEYOND_TEST = "beyond the test"
@@ -47,7 +46,7 @@ def list_cautions(
         weights: of the averaged laws.
         without: probabilities of no resonance at this force, because friction locks the mode and because no amplitude
             balances it.
-        unknown: whether the prediction is left out since it is beyond ``FARTHEST``.
+        unknown: whether the prediction is left out since it is beyond ``NOTHING_KNOWN``.
     """
     refused = np.isnan(amplitude) and not (plan and not plan.allows(force))
     cautions = [UNKNOWN if unknown else _describe_refusal(*without)] if refused else []

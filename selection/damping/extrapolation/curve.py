@@ -270,7 +270,7 @@ def _find_frequency(backbone: Backbone, amplitude: Interval, level: float) -> tu
     """The band of frequency at the median amplitude, and that widened by the uncertainty of the amplitude.
 
     The shift of the backbone from the median to each end of the amplitude band is added in squares of ln omega. NaN
-    where the widened band leaves the mode (``backbone.FARTHEST``).
+    where the widened band leaves the mode (``backbone.ANOTHER_MODE``).
     """
     points = backbone.frequency_at(np.concatenate([amplitude.median, amplitude.low, amplitude.high]), level)
     rows = len(amplitude.median)

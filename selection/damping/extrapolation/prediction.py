@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from damping.arrays import BoolArray, FloatArray, join_rows
-from damping.extrapolation.cautions import FARTHEST, list_cautions
+from damping.extrapolation.cautions import NOTHING_KNOWN, list_cautions
 from damping.extrapolation.draws import Member, Spread, draw_spreads, find_quantiles, share_out
 from damping.extrapolation.plan import Plan
 from damping.infer.observations import Observations
@@ -46,10 +46,12 @@ class Band:
         return Band(self.name, self.weight, *(np.where(known, end, np.nan) for end in ends))
 
     def leave_out(self, amplitude: FloatArray, data: Observations) -> tuple[Band, BoolArray]:
-        """The band, NaN where ``amplitude`` (forces,), given or the median, or its width is beyond ``FARTHEST``; and
-        whether it was left out there, (forces,)."""
-        near = amplitude <= FARTHEST * data.tested_amplitude.max()
-        unknown = ~np.isnan(self.median) & ~(near & (self.high <= FARTHEST * self.low))
+        """The band, and where it was left out, (forces,): it is NaN beyond ``NOTHING_KNOWN``.
+
+        ``amplitude`` (forces,): given, or the median.
+        """
+        near = amplitude <= NOTHING_KNOWN * data.tested_amplitude.max()
+        unknown = ~np.isnan(self.median) & ~(near & (self.high <= NOTHING_KNOWN * self.low))
         return self.keep(~unknown), unknown
 
 
