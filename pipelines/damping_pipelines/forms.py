@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, RootModel, ValidationError, m
 from pydantic_core import PydanticCustomError
 
 from damping.errors import InputError
+from damping.records.mode import Units
 
 #: Largest form that is read, bytes (a ranking of a hundred candidates takes 50 000).
 MAX_FORM_SIZE = 10_000_000
@@ -253,14 +254,6 @@ class CampaignForm(FormPart):
     level_unit: str = ""
 
 
-class UnitsForm(FormPart):
-    """Units of a record."""
-
-    force: str = ""
-    length: str = ""
-    time: str = ""
-
-
 class PowerLawForm(FormPart):
     """The power law of velocity, the first that a study lists."""
 
@@ -273,7 +266,7 @@ class StudyRecordForm(FormPart):
 
     name: Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
     title: str = ""
-    units: UnitsForm = UnitsForm()
+    units: Units = Units()
     audit: list[FindingForm] = []
     rank: RankForm
     loads: LoadsForm | None = None

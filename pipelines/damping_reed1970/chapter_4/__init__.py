@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import brentq
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, Floats
 from damping.forces import case_five, make
 from damping.forces.contract import Force
 from damping.forces.powers import B, beta
+from damping.predict.steady import resonant_amplitude
 from damping.regression.fit import fit_power_law
 from damping_reed1970 import Version, by_point, columns, load_table
 from damping_reed1970.chapter_2 import CASES
@@ -71,9 +71,7 @@ def build_case(case: str, coefficient: float = 1.0, alpha: float = 1.0) -> Force
 
 def equation_4_2_7_inverted(case: str, xi: float, M: float, F_e: float, omega_n: float) -> float:
     """Resonant amplitude A_m under F_e of a case with the coefficient xi_i."""
-    force = build_case(case)
-    target = F_e / (2.0 * M * omega_n * xi)
-    return float(brentq(lambda A: float(force.quadrature(A, omega_n)) - target, 1e-6, 1e3, xtol=1e-14, rtol=1e-14))
+    return float(resonant_amplitude(build_case(case), F_e / (2.0 * M * omega_n * xi), omega_n))
 
 
 def table_4_v() -> dict[str, float]:
