@@ -227,27 +227,16 @@ def _as_point(mode: str, row: DampedRow) -> Point | None:
 
 @dataclass(frozen=True)
 class Coefficients:
-    """c1 and c2 of one mode at one bound, and their largest error; in N, m and s if the form names its units.
+    """c1 and c2 of one mode at one bound, and their largest error; in N, m and s if the form names its units."""
 
-    Attributes:
-        linear: c1.
-        quadratic: c2.
-        miss: their damping over that of the form, less 1, at the level of the largest error.
-        force: there.
-        equivalent: F/(omega A) of the form there, the c1 that alone would fit that level.
-        falls: whether F/(omega A) is smaller at the largest amplitude than at the smallest.
-        unit: of forces.
-        alone: whether there is only one level, at which any ratio of the two fits.
-    """
-
-    linear: float
-    quadratic: float
-    miss: float
-    force: float
-    equivalent: float
-    falls: bool
-    unit: str = ""
-    alone: bool = False
+    linear: float  #: c1
+    quadratic: float  #: c2
+    miss: float  #: their damping over that of the form, less 1, at the level of the largest error
+    force: float  #: there
+    equivalent: float  #: F/(omega A) of the form there, the c1 that alone would fit that level
+    falls: bool  #: whether F/(omega A) is smaller at the largest amplitude than at the smallest
+    unit: str = ""  #: of forces
+    alone: bool = False  #: whether there is only one level, at which any ratio of the two fits
 
     def __str__(self) -> str:
         at = f"{self.force:g} {self.unit}".rstrip()

@@ -47,22 +47,17 @@ _DIFFERENT = 0.5
 
 @dataclass(frozen=True)
 class ModelFit:
-    """A mode of the posterior of a model.
+    """A mode of the posterior of a model."""
 
-    Attributes:
-        model: what was fitted. y: variables at the mode (size + 2 sweeps,). r: residuals (m,). J: Jacobian (m, .).
-        weights: robust weights (m,), 1 for a regular point. log_posterior, log_evidence: natural logarithms.
-        covariance: of y.
-    """
-
-    model: Model
-    y: FloatArray
-    r: FloatArray
-    J: FloatArray
-    weights: FloatArray
+    model: Model  #: what was fitted
+    y: FloatArray  #: variables at the mode (size + 2 sweeps,)
+    r: FloatArray  #: residuals (m,)
+    J: FloatArray  #: Jacobian (m, .)
+    weights: FloatArray  #: robust weights (m,), 1 for a regular point
+    #: ``log_posterior``, ``log_evidence``: natural logarithms
     log_posterior: float
     log_evidence: float
-    covariance: FloatArray
+    covariance: FloatArray  #: of y
 
     @property
     def effects(self) -> tuple[str, ...]:

@@ -168,16 +168,13 @@ class Simulator:
 
     Z = F exp(i phase)/A is smooth in the parameters even where the resonance is not. Z is evaluated at the nominal
     values and, for differences, one tolerance away in each.
-
-    Attributes:
-        function: the simulation. values, tolerances: of its parameters by name, tolerances relative. mode: stands for
-            it where an effect needs a mass, a frequency, a damping.
     """
 
-    function: Simulate
+    function: Simulate  #: the simulation
+    #: ``values``, ``tolerances``: of its parameters by name, tolerances relative
     values: Mapping[str, float]
     tolerances: Mapping[str, float]
-    mode: Mode
+    mode: Mode  #: stands for it where an effect needs a mass, a frequency, a damping
     _known: dict[tuple[bytes, bytes], tuple[ComplexArray, ComplexArray]] = field(default_factory=dict, compare=False)
 
     @staticmethod

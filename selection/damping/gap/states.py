@@ -25,21 +25,16 @@ from damping.records.record import Record
 
 @dataclass(frozen=True)
 class Driven:
-    """States under force excitation.
+    """States under force excitation."""
 
-    Attributes:
-        states: each record with its mode, in one ``unit`` of mass (that of the files: 1).
-        shaken: mass of the structure without added masses on which the base acceleration acts, for each row of each
-            record; 0 where a force drives.
-        groups: numbers of the states that share a participation which is a free parameter.
-        notes: participations used, in words.
-    """
-
-    states: tuple[State, ...]
+    states: tuple[State, ...]  #: each record with its mode, in one ``unit`` of mass (that of the files: 1)
+    #: mass of the structure without added masses on which the base acceleration acts, for each row of each record; 0
+    #: where a force drives
     shaken: tuple[FloatArray, ...]
     unit: float = 1.0
+    #: numbers of the states that share a participation which is a free parameter
     groups: tuple[tuple[int, ...], ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  #: participations used, in words
 
 
 def drive_by_forces(states: Sequence[State], *, simulated: bool = False) -> Driven:

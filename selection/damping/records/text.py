@@ -251,15 +251,10 @@ def describe_as_html(title: str, shown: "pd.DataFrame", remarks: Iterable[str] =
 
 @dataclass(frozen=True)
 class Disagreement:
-    """Sentences on contradictions between ranking and diagnosis, those on loads first; none where they agree.
+    """Sentences on contradictions between ranking and diagnosis, those on loads first; none where they agree."""
 
-    Attributes:
-        on_loads: on the amplitude at a force; shown before a result.
-        on_rows: on what explains the rows; shown after a result.
-    """
-
-    on_loads: tuple[str, ...] = ()
-    on_rows: tuple[str, ...] = ()
+    on_loads: tuple[str, ...] = ()  #: on the amplitude at a force; shown before a result
+    on_rows: tuple[str, ...] = ()  #: on what explains the rows; shown after a result
 
     def __iter__(self) -> Iterator[str]:
         return iter((*self.on_loads, *self.on_rows))
