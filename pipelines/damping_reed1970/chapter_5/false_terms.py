@@ -117,18 +117,16 @@ METHODS: dict[str, tuple[str, str, Any]] = {
 
 @dataclass(frozen=True)
 class FalseTerms:
-    """What selection does to data of a known law.
+    """What selection does to data of a known law."""
 
-    ``selection``: for each set of terms, method and noise ``share_false`` (at least one false term), ``share_exact``
-    (the true law and no more), ``share_missing`` (a true term is not there), ``mean_terms``, ``share_negative`` (some
-    coefficient below 0), ``energy_error_percent`` (root mean square, at twice the largest amplitude),
-    ``monte_carlo_error`` (standard, of a share of one half). ``frequency``: share of the runs in which each term is
-    selected. ``inflation``: standard deviation of the coefficient of A^2 omega, per cent, for noise of 1 per cent of
-    the mean energy, with the true terms, five and nine (closed form), and over that with the true terms.
-    """
-
+    #: for each set of terms, method and noise ``share_false`` (at least one false term), ``share_exact`` (the true law
+    #: and no more), ``share_missing`` (a true term is not there), ``mean_terms``, ``share_negative`` (some coefficient
+    #: below 0), ``energy_error_percent`` (root mean square, at twice the largest amplitude), ``monte_carlo_error``
+    #: (standard, of a share of one half)
     selection: pd.DataFrame
-    frequency: pd.DataFrame
+    frequency: pd.DataFrame  #: share of the runs in which each term is selected
+    #: standard deviation of the coefficient of A^2 omega, per cent, for noise of 1 per cent of the mean energy, with
+    #: the true terms, five and nine (closed form), and over that with the true terms
     inflation: pd.DataFrame
     replicates: int
 

@@ -151,17 +151,14 @@ _KNOWN_RATES = (0.03, 0.4)
 
 @dataclass(frozen=True)
 class DrawnCase:
-    """A case without its noise: bench, effects, noise-free record, its gap, and the share of each effect.
-
-    ``without_each``: for a pair, the gap without that effect, with all else refitted.
-    """
+    """A case without its noise: bench, effects, noise-free record, its gap, and the share of each effect."""
 
     bench: plan.Bench
     effects: tuple[TrueEffect, ...]
     noise: plan.Noise
     cells: RecordCells
     gap: float
-    without_each: tuple[float, ...]
+    without_each: tuple[float, ...]  #: for a pair, the gap without that effect, with all else refitted
     third: Complex
     across: Complex
 

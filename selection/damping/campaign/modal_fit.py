@@ -72,19 +72,15 @@ class ModalFit(Poles):
 
 @dataclass(frozen=True)
 class Level:
-    """A level as accelerations per unit of drive: ``f`` (n,), ``H`` (sensors, n), ``drive`` (n,) in SI, and its fit.
-
-    ``third`` (sensors, n): third harmonics per unit of drive, if tracked. ``name``: label in records, the level, unique
-    for each of several runs at one level.
-    """
+    """A level as accelerations per unit of drive: ``f`` (n,), ``H`` (sensors, n), ``drive`` (n,) in SI, and its fit."""
 
     run: CampaignRun
     f: FloatArray
     H: ComplexArray
     drive: FloatArray
     fit: ModalFit
-    third: ComplexArray | None = None
-    name: str = ""
+    third: ComplexArray | None = None  #: third harmonics per unit of drive, if tracked (sensors, n)
+    name: str = ""  #: label in records, the level, unique for each of several runs at one level
 
 
 def find_peaks_of(f: FloatArray, H: ComplexArray, sign: float = 1.0) -> list[float]:

@@ -22,8 +22,7 @@ class Response:
 class At:
     """A mode at a level, ``tested`` or a design level; bands are (median, low, high), None if there is no prediction.
 
-    ``frequency_error`` (Hz) and ``ratio_error`` are standard errors, None if unknown. ``reached``: the input at the
-    mode, if the run was notched there and the input is not the level.
+    ``frequency_error`` (Hz) and ``ratio_error`` are standard errors, None if unknown.
     """
 
     level: float
@@ -32,7 +31,7 @@ class At:
     ratio: tuple[float, float, float] | None
     response: tuple[Response, ...]
     cautions: tuple[str, ...]
-    reached: float | None = None
+    reached: float | None = None  #: the input at the mode, if the run was notched there and the input is not the level
     frequency_error: float | None = None
     ratio_error: float | None = None
 
@@ -120,7 +119,6 @@ class SensorPrediction:
     """Peak of a sensor at a level of a mode of ``frequency`` Hz, as in the form ``campaign/1``.
 
     ``at_frequency`` (Hz) and damping ``ratio`` (median, low, high) of the mode at the level; None where not known.
-    ``level_unit``: '' where it is not stated.
     """
 
     frequency: float
@@ -131,4 +129,4 @@ class SensorPrediction:
     band: tuple[float, float, float]
     at_frequency: float | None = None
     ratio: tuple[float | None, ...] | None = None
-    level_unit: str = ""
+    level_unit: str = ""  #: '' where it is not stated

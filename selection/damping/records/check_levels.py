@@ -26,17 +26,14 @@ FAR_MASS_WITHOUT_PHASE = 1.8  #: without phases the mass comes from a parabola, 
 
 @dataclass(frozen=True)
 class OddMass:
-    """A ``sweep``, tested at ``force``, that implies the ``mass``, which is ``factor`` times that of other levels.
-
-    ``sure``: the mode file or most levels show that this level is wrong. ``beside``: no other level has its added mass.
-    """
+    """A ``sweep``, tested at ``force``, that implies the ``mass``, which is ``factor`` times that of other levels."""
 
     sweep: str
     force: float
     mass: float
     factor: float
-    sure: bool
-    beside: bool = False
+    sure: bool  #: the mode file or most levels show that this level is wrong
+    beside: bool = False  #: no other level has its added mass
 
     def __str__(self) -> str:
         large, small = ("small", "large") if self.factor > 1.0 else ("large", "small")

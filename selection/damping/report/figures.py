@@ -214,14 +214,12 @@ _DRAWN = ("force", "median", "low", "high", "credible_low", "credible_high", "li
 
 @dataclass(frozen=True)
 class Explorer(FigureBlock):
-    """A figure of design loads with a slider for the force, from precomputed predictions.
-
-    ``data``: numbers to draw and ``texts`` to show, lists over forces in ascending order; null and a dash where no
-    prediction is given.
-    """
+    """A figure of design loads with a slider for the force, from precomputed predictions."""
 
     name: str  #: an id on the page
     level: str  #: content of the bands, such as ``90 %``
+    #: numbers to draw and ``texts`` to show, lists over forces in ascending order; null and a dash where no prediction
+    #: is given
     data: dict[str, Any]
     jumps: tuple[tuple[int, str], ...]  #: positions of the design forces with their text, ascending; the last is shown
 

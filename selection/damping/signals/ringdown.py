@@ -66,8 +66,7 @@ class Decay:
 
     ``time`` at the middle of each level, ``amplitude`` of displacement, ``frequency`` of phase resonance (Hz),
     ``decay_rate`` delta (1/s), ``force`` of the energy balance; ``amplitude_sd``, ``force_sd`` from noise, that of the
-    force also from the limits of the energy balance and of a parabola. ``noise``: amplitude in the unit of the signal;
-    ``notes``: what was left out.
+    force also from the limits of the energy balance and of a parabola.
     """
 
     time: FloatArray
@@ -77,8 +76,8 @@ class Decay:
     force: FloatArray
     amplitude_sd: FloatArray
     force_sd: FloatArray
-    noise: float
-    notes: tuple[str, ...]
+    noise: float  #: amplitude in the unit of the signal
+    notes: tuple[str, ...]  #: what was left out
 
     @property
     def damping_ratio(self) -> FloatArray:
