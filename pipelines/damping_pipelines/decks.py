@@ -47,8 +47,7 @@ ABSENT = {
     "abaqus": "undamped unless you give it one",
     "ansys": "undamped unless you give it one",
 }
-#: The damping ratios written of each load level.
-BOUNDS = ("median", "low")
+BOUNDS = ("median", "low")  #: the damping ratios written of each load level
 #: Ratio of the frequencies of a table's outermost points to those of the modes: constant damping to either side.
 FLANK = 2.0
 #: Largest relative error in damping that the form of the coefficients may leave unreported: bands of damping at tested
@@ -56,12 +55,10 @@ FLANK = 2.0
 MOST_MISFIT = 0.05
 #: SI unit of a linear coefficient by the powers of a force and its motion, and of a moment and its angle.
 LINEAR_UNITS: dict[object, str] = {((1, 0, 0), (0, 1, 0)): "N/(m/s)", ((1, 1, 0), (0, 0, 0)): "N m/(rad/s)"}
-#: Longest line of a comment, characters; Abaqus takes lines of 256.
-COMMENT_WIDTH = 120
+COMMENT_WIDTH = 120  #: longest line of a comment, characters; Abaqus takes lines of 256
 #: Reason for the live block if there are two candidates.
 SAFER = "of the largest tested and the largest requested level, the one with less damping"
-#: Ratios on one line of an ANSYS ``MDAMP`` command.
-RATIOS_PER_LINE = 6
+RATIOS_PER_LINE = 6  #: ratios on one line of an ANSYS ``MDAMP`` command
 
 
 @dataclass(frozen=True)

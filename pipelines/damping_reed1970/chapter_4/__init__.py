@@ -21,8 +21,7 @@ from damping_reed1970.chapter_2 import CASES
 PRINTED: dict[str, Any] = tomllib.loads(Path(__file__).with_name("printed.toml").read_text("utf-8"))
 #: Sweep C of the first mode with omega_n in rad/s.
 SWEEP_C: dict[str, float] = PRINTED["sweep_C"] | {"omega_n": RAD_S_PER_HZ * PRINTED["sweep_C"]["f_n"]}
-#: Force of the extrapolation example of section 4.3, lb.
-F_EXAMPLE: float = PRINTED["example"]["force"]
+F_EXAMPLE: float = PRINTED["example"]["force"]  #: force of the extrapolation example of section 4.3, lb
 
 
 def tabulate_sweeps(version: Version = "printed") -> pd.DataFrame:

@@ -21,8 +21,7 @@ from damping_reed1970 import columns, load_table
 from damping_reed1970.chapter_5 import GENERATOR, energy_design
 from damping_reed1970.chapter_5.nine_terms import NINE_TERMS
 
-#: Responses treated at once, for the sake of memory.
-BLOCK = 200
+BLOCK = 200  #: responses treated at once, for the sake of memory
 
 
 @dataclass(frozen=True)
@@ -105,8 +104,7 @@ POSITIONS = {"five terms (5.3.2)": (0, 3, 2, 1, 4), "nine terms (5.3.6)": (0, 3,
 TRUE_TERMS = 2
 #: Relative standard deviation of the noise of E, per cent: from the rounding of the print to Config. I's own scatter.
 NOISE = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0)
-#: Amplitude, over the largest of the data, at which what was selected is extrapolated.
-FARTHER = 2.0
+FARTHER = 2.0  #: amplitude, over the largest of the data, at which what was selected is extrapolated
 #: Ways of selection, and the colour, mark and line of each.
 METHODS: dict[str, tuple[str, str, Any]] = {
     "backward elimination, |T| >= 2": (LINEAR, "o", "-"),

@@ -43,8 +43,7 @@ class LawForm:
 
 #: Square of the largest displacement over the film's thickness that a squeeze film lets come about.
 _CLOSEST = 0.9
-#: Way over which a rubbing contact builds up, of the place where it begins.
-_BUILD_UP = 0.3
+_BUILD_UP = 0.3  #: way over which a rubbing contact builds up, of the place where it begins
 
 LAW_FORMS: Mapping[str, LawForm] = {
     "displacement": LawForm(lambda q, v, sign, p: np.abs(q) * sign, 1, jumps=True),

@@ -259,8 +259,7 @@ def _compare_structures(view: View, mode: Mode, hertz: FloatArray) -> Finding | 
     return Finding("beyond-model", "caution", what, advice, view.record.sweeps)
 
 
-#: Half-power bandwidths between two resonances from which they share no row near resonance.
-BANDWIDTHS = 1.0
+BANDWIDTHS = 1.0  #: half-power bandwidths between two resonances from which they share no row near resonance
 #: Distance of the lowest level from the mode file's frequency, over the further shift of the other levels, that one
 #: cause can explain: a joint fourfold beyond its limit has lost 4.7 times what it loses from there to sixteenfold.
 MOVED_BEFORE = 5.0

@@ -74,8 +74,7 @@ def check_exchange(view: View) -> Finding | None:
     return Finding("units", "refuse", what, "are the columns force and amplitude exchanged?", label_sweeps(tops))
 
 
-#: Factor of the mode's frequency within which the resonances of all levels lie.
-NEAR_THE_MODE = 1.3
+NEAR_THE_MODE = 1.3  #: factor of the mode's frequency within which the resonances of all levels lie
 
 
 def check_energy(view: View) -> Finding | None:
