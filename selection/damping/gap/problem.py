@@ -106,8 +106,7 @@ def setting(
         simulate: the user's own simulation.
         shaken, groups: of each state, see `damping.gap.states.Driven`; empty where forces drive all.
 
-    Raises:
-        AnalysisError: states that simulate different damping forces.
+    AnalysisError: states that simulate different damping forces.
     """
     rows = [stated_noise(read_rows(measured, state)) for measured, state in ((record, mode), *states)]
     if shaken:

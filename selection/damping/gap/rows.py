@@ -179,8 +179,7 @@ def join_states(states: Sequence[tuple[PhasorRows, Mode]]) -> PhasorRows:
 
     States of one stiffness differ by a known mass, from which their frequencies follow.
 
-    Raises:
-        AnalysisError: states with damping forces that the first one does not simulate.
+    AnalysisError: states with damping forces that the first one does not simulate.
     """
     (first, base), *_ = states
     if len(states) == 1:

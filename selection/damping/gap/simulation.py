@@ -181,8 +181,7 @@ class Simulator:
     def read(function: Simulate, mode: Mode) -> Simulator:
         """The simulator of a function whose keyword parameters have defaults (value, relative tolerance).
 
-        Raises:
-            InputError: another signature, a value that is not finite or varies as a share of 0, a tolerance below 0.
+        InputError: another signature, a value that is not finite or varies as a share of 0, a tolerance below 0.
         """
         if not callable(function):
             given = f"the simulator is of type {type(function).__name__}"
@@ -248,8 +247,7 @@ class Simulator:
     ) -> tuple[FloatArray, FloatArray]:
         """Amplitude and phase of the simulation with some parameters changed, at forces and frequencies in Hz (n,).
 
-        Raises:
-            InputError: the function fails, or does not return an amplitude and a phase for every row.
+        InputError: the function fails, or does not return an amplitude and a phase for every row.
         """
         expected = "(amplitude, phase), one number each per row"
         moved = "".join(f" with {name} = {value:.6g}" for name, value in changed.items())

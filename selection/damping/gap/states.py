@@ -42,8 +42,7 @@ def drive_by_forces(states: Sequence[State], *, simulated: bool = False) -> Driv
 
     ``simulated``: whether the simulation is a user's function of force and frequency alone.
 
-    Raises:
-        AnalysisError: a simulator beside several states or added masses, one of them on a base.
+    AnalysisError: a simulator beside several states or added masses, one of them on a base.
     """
     shaken = [number for number, (_, mode) in enumerate(states) if mode.drive == "base"]
     if not shaken:

@@ -73,8 +73,7 @@ def drawn_on(axes: Axes, style: Mapping[Any, Any], palette: Collection[str]) -> 
     On a dark background the lightness L of each colour of the ``palette``, which is made for a light one, becomes
     1 - L: lines are light, the area beyond the test is dark, and hues stay.
 
-    Raises:
-        InputError: as `check_axes`.
+    InputError: as `check_axes`.
     """
     check_axes(axes)
     before = set(axes.get_children())
