@@ -54,25 +54,20 @@ class At:
 
 @dataclass(frozen=True)
 class Notch:
-    """The notch that the limit of a sensor requires at one mode.
-
-    ``limit`` in the sensor's ``unit``; ``level`` is the largest input that keeps it, ``depth_db`` below the ``design``
-    level, from ``low`` to ``high`` Hz (None if no notch is needed). ``more_db``: largest step above ``tested``, the
-    top level at this mode, in dB. Levels are in ``drive_unit``.
-    """
+    """The notch that the limit of a sensor requires at one mode."""
 
     mode: str
     sensor: str
-    unit: str
-    limit: float
-    design: float
-    level: float
-    depth_db: float
-    low: float | None
-    high: float | None
-    more_db: float
-    tested: float
-    drive_unit: str = ""
+    unit: str  #: of the sensor
+    limit: float  #: in that unit
+    design: float  #: level
+    level: float  #: largest input that keeps the limit
+    depth_db: float  #: by which it is below the design level
+    low: float | None  #: frequency at which the notch begins, Hz; None if none is needed
+    high: float | None  #: at which it ends
+    more_db: float  #: largest step above the top level tested at this mode, dB
+    tested: float  #: that level
+    drive_unit: str = ""  #: of all levels
 
     def __str__(self) -> str:
         tested, design = (f"{level:.4g} {self.drive_unit}".rstrip() for level in (self.tested, self.design))
