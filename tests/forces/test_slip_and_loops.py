@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from scipy.special import i1e
 
 from damping.forces import Slip, VelocitySquared, Viscous, energy_per_cycle
-from damping.forces.joints import SmoothJoint, SmoothSlip
+from damping.forces.smooth import SmoothJoint, SmoothSlip
 from damping_reed1970.chapter_2 import (
     equivalence_error,
     equivalent_coefficient,
@@ -102,23 +103,34 @@ def test_viscous_loop_is_an_ellipse() -> None:
     np.testing.assert_allclose((drawn.q / 1.2) ** 2 + (drawn.force / (1.3 * 1.2 * 3.0)) ** 2, 1.0, rtol=1e-13)
 
 
-def yield_smoothly(z: float, q: np.ndarray) -> np.ndarray:
-    """Stretch at rising displacements q (n,) from z on: dz/dq = 1 - (1 + sgn z) |z|/(2 L), L = 1, integrated."""
-    stretched = solve_ivp(lambda _, z: 1.0 - np.maximum(z, 0.0), q[[0, -1]], [z], t_eval=q, rtol=1e-10, atol=1e-12)
+def yield_smoothly(z: float, q: np.ndarray, relief: float = 1.0) -> np.ndarray:
+    """Stretch at rising displacements q (n,) from z on: dz/dq = 1 - beta z - gamma |z|, integrated.
+
+    The limit is 1/(beta + gamma) = 1, and the relief 2 beta.
+    """
+    beta = 0.5 * relief
+
+    def rate(_: float, z: np.ndarray) -> np.ndarray:
+        return 1.0 - beta * z - (1.0 - beta) * np.abs(z)
+
+    stretched = solve_ivp(rate, q[[0, -1]], [z], t_eval=q, rtol=1e-10, atol=1e-12)
     return np.asarray(stretched.y[0])
 
 
-@pytest.mark.parametrize("a", [0.05, 0.4, 1.5, 6.0, 60.0])
-def test_averages_of_a_smooth_joint_are_those_of_its_loop(a: float) -> None:
+SMOOTH = [(0.05, 1.0), (0.4, 1.0), (1.5, 1.0), (6.0, 1.0), (60.0, 1.0), (0.4, 2.0), (6.0, 2.0), (1.5, 1.4), (0.4, 0.8)]
+
+
+@pytest.mark.parametrize(("a", "relief"), SMOOTH)
+def test_averages_of_a_smooth_joint_are_those_of_its_loop(a: float, relief: float) -> None:
     """The loop closes where half a cycle from -Z ends at Z."""
-    Z = brentq(lambda Z: yield_smoothly(-Z, np.array([-a, a]))[-1] - Z, 1e-6, 1.0, xtol=1e-12)
+    Z = brentq(lambda Z: yield_smoothly(-Z, np.array([-a, a]), relief)[-1] - Z, 1e-6, 1.0, xtol=1e-12)
     theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 4_001)
     q = a * np.sin(theta)
-    g = 6.0 * A1 * (yield_smoothly(-Z, q) - q)
+    g = 6.0 * A1 * (yield_smoothly(-Z, q, relief) - q)
     C, S, sine, cosine = (2 / np.pi * np.trapezoid(g * wave, theta) for wave in (
         np.cos(theta), np.sin(theta), np.sin(3 * theta), np.cos(3 * theta)
     ))  # fmt: skip
-    joint, omega = SmoothSlip(6.0, A1), np.array([7.0])
+    joint, omega = SmoothSlip(6.0, A1, relief), np.array([7.0])
     A = np.array([a * A1])
     own = joint.averages(A, omega)
     # the trapezoid of 4000 points, and a table with steps of 1 % that is interpolated along lines
@@ -142,12 +154,21 @@ def test_a_smooth_joint_beyond_its_table() -> None:
     np.testing.assert_allclose([twice[k][0] / small[k][0] for k in (0, 2)], 4.0, rtol=1e-3)  # A/A1 of the end
 
 
+@pytest.mark.parametrize("a", [0.05, 1.0, 40.0])
+def test_averages_of_a_joint_of_dahl_are_closed(a: float) -> None:
+    """C = (4/pi) k A1 (1 - tanh(a)/a), S = k A1 (2 I_1(a)/cosh(a) - a): z is an exponential between the turns."""
+    C, _, S, _ = SmoothSlip(6.0, A1, 2.0).averages(np.array([a * A1]), np.array([7.0]))
+    expected = 4.0 / np.pi * (1.0 - np.tanh(a) / a), 4.0 * i1e(a) / (1.0 + np.exp(-2.0 * a)) - a
+    np.testing.assert_allclose([C[0], S[0]], 6.0 * A1 * np.array(expected), rtol=3e-5)  # of the table, as above
+
+
+@pytest.mark.parametrize("relief", [1.0, 2.0])
 @pytest.mark.parametrize(("start", "travel"), [(0.2, 0.5), (-0.25, 0.1), (-0.25, 0.9), (0.1, -0.6), (0.1, 0.0)])
-def test_a_smooth_joint_follows_its_differential_equation(start: float, travel: float) -> None:
-    joint, way = SmoothJoint(6.0, A1), -1.0 if travel < 0.0 else 1.0
+def test_a_smooth_joint_follows_its_differential_equation(start: float, travel: float, relief: float) -> None:
+    joint, way = SmoothJoint(6.0, A1, relief), -1.0 if travel < 0.0 else 1.0
     expected = start
     if travel:
-        expected = way * A1 * yield_smoothly(way * start / A1, np.array([0.0, abs(travel) / A1]))[-1]
+        expected = way * A1 * yield_smoothly(way * start / A1, np.array([0.0, abs(travel) / A1]), relief)[-1]
     np.testing.assert_allclose(joint.stretch(start, travel), expected, rtol=1e-8)  # the integrator's
     halfway = joint.stretch(start, 0.5 * travel)
     np.testing.assert_allclose(joint.stretch(halfway, 0.5 * travel), joint.stretch(start, travel), rtol=EXACT)

@@ -279,6 +279,7 @@ CASES = (
     ("background", {"amplitude": 0.002, "angle": 0.8}),
     ("sweep-rate", {"rate": 5e-4}),
     ("slip", {"stiffness": 200.0, "limit": 0.01, "smooth": 1.0}),
+    ("slip", {"stiffness": 200.0, "limit": 0.01, "smooth": 1.0, "relief": 2.0}),
 )
 
 

@@ -25,7 +25,6 @@ from damping.forces.joints import (
     PowerStiffness,
     Slip,
     SlippingForce,
-    SmoothSlip,
     lose_stiffness,
 )
 from damping.forces.powers import (
@@ -37,6 +36,7 @@ from damping.forces.powers import (
     VelocitySquared,
 )
 from damping.forces.shapes import FORCE, LENGTH, Shape
+from damping.forces.smooth import SmoothSlip
 
 #: Quadrature over the share of slipping joints: nodes and weights of Gauss and Legendre in the root of the remaining
 #: share, which puts most nodes at large limits.
@@ -167,7 +167,7 @@ def joint_force(table: Mapping[str, Floats]) -> Force:
     """
     stiffness, limit, kappa = table["stiffness"], table["limit"], table.get("kappa", 0.0)
     if np.any(table.get("smooth", 0.0)):
-        return SmoothSlip(stiffness, limit)
+        return SmoothSlip(stiffness, limit, table.get("relief", 1.0))
     if not np.any(kappa):
         return Slip(stiffness, limit)
     return ManyJoints(stiffness, limit, kappa, bool(table.get("bounded", 0.0)))
@@ -181,18 +181,21 @@ def joint_forms(scales: Scales) -> tuple[Form, ...]:
     limit = FormVariable.between(0.3 * scales.A_low, scales.A_high, starts=(-1.6, -0.8, 0.0, 0.6, 1.2, 1.7))
     limits = FormVariable.between(0.1 * scales.A_low, 4.0 * scales.A_high, starts=(-1.0, 0.0, 1.0))
     kappa = FormVariable(centre=1.0, width=0.4, starts=(0.0,))
+    relief = FormVariable.between(0.7, 2.8, starts=(0.0,))
     return (
         _joint_form((limit,), scales),
         _joint_form((limits, kappa), scales),
         _joint_form((limits, kappa), scales, "bounded"),
-        _joint_form((limits,), scales, "smooth"),
+        _joint_form((limits, relief), scales, "smooth"),
         *less_forms(SLIP, scales),
     )
 
 
 def _joint_form(shapes: tuple[FormVariable, ...], scales: Scales, switch: str = "") -> Form:
-    def report(stiffness: Floats, limit: Floats, *kappa: Floats) -> dict[str, Floats]:
-        switches = ({"kappa": kappa[0]} if kappa else {}) | ({switch: 1.0} if switch else {})
+    further = "relief" if switch == "smooth" else "kappa"
+
+    def report(stiffness: Floats, limit: Floats, *shape: Floats) -> dict[str, Floats]:
+        switches = ({further: shape[0]} if shape else {}) | ({switch: 1.0} if switch else {})
         return {"stiffness": stiffness, "limit": limit} | switches
 
     return SLIP.form(report, scales.loss, shapes=shapes, largest=scales.stiffness)
@@ -201,13 +204,14 @@ def _joint_form(shapes: tuple[FormVariable, ...], scales: Scales, switch: str = 
 _KAPPA = Shape("kappa", least=0.0, default=0.0, label="kappa (large: all joints slip at one limit)")
 _BOUNDED = Shape("bounded", default=0.0, switch=True, label="many joints, none with a larger limit")
 _SMOOTH = Shape("smooth", default=0.0, switch=True, excludes="kappa", label="yields gradually (Bouc and Wen)")
+_RELIEF = Shape("relief", least=0.5, below=4.0, default=1.0, label="stiffness after a turn over stuck one (2: Dahl)")
 SLIP = Effect(
     name="slip",
     kind="force",
     sentence="an elastic joint slips",
     forms=joint_forms,
     simulate=adds_force(joint_force),
-    shapes=(*Slip.shapes, _KAPPA, _BOUNDED, _SMOOTH),
+    shapes=(*Slip.shapes, _KAPPA, _BOUNDED, _SMOOTH, _RELIEF),
     force=joint_force,
     damping=Slip.name,
 )

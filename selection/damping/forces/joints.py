@@ -1,16 +1,13 @@
-"""Coulomb friction, the slip joint of Fig. 2.4c, the smooth joint of Bouc and Wen, and nonlinear springs."""
+"""Coulomb friction, the slip joint of Fig. 2.4c, and nonlinear springs."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from functools import cache
-from itertools import pairwise
-from math import exp, pi
+from math import pi
 from typing import ClassVar
 
 import numpy as np
-from scipy.special import wrightomega
 
-from damping.arrays import ComplexArray, FloatArray, Floats
+from damping.arrays import ComplexArray, Floats
 from damping.forces.contract import CoefficientForce, GrowingForce, Joint, absolute, spread, zeros
 from damping.forces.powers import velocity_power_energy
 from damping.forces.shapes import FORCE, LENGTH, OfAmplitude, Shape, coefficient_in
@@ -138,93 +135,6 @@ class Slip(SlippingForce):
         squared = 4.0 * held * (1.0 - held)
         turned = (1.0 - 2.0 * held - 1j * np.sqrt(squared)) ** 2
         return np.asarray(-1j / (3.0 * pi) * self.stiffness * (A * squared) * turned)
-
-
-#: ln(A/A1) of the table of a smooth joint: steps of 1 %, right to 2e-5 between; beyond it averages are powers of A.
-_LN_RATIO = np.linspace(-6.0, 12.0, 1801)
-#: Travel over A1, from zero force, that cuts its bend into parts; nodes of Gauss and Legendre in each, right to 1e-11.
-_BENDS = (1.0, 6.0, 40.0)
-_GAUSS = np.polynomial.legendre.leggauss(20)
-
-
-def _stretch_at_turn(a: Floats) -> FloatArray:
-    """Z, the stretch at the turns of a steady cycle of amplitude a, both over A1: Z = 1 - exp(Z - 2 a)."""
-    return np.asarray(1.0 - wrightomega(1.0 - 2.0 * a))
-
-
-@cache
-def _tabulate_smooth() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """ln C, its slope, ln(-S) and its slope, each (1801,), and the third harmonic over C (2, 1801): see `SmoothSlip`.
-
-    Of unit k A. From the turn at q = -A1 a, the force over k A1 is travel - Z up to a travel Z, then
-    1 - exp(Z - travel), which is Z at the other turn. Differences are formed without cancellation.
-    """
-    a = np.exp(_LN_RATIO)
-    Z = _stretch_at_turn(a)
-    ends = [np.zeros_like(a), *(np.minimum(Z + bend, 2.0 * a) for bend in (0.0, *_BENDS)), 2.0 * a]
-    averages = np.zeros((4, len(a)))
-    for start, end in pairwise(ends):
-        first, last = (2.0 * np.arcsin(np.sqrt(travel / (2.0 * a))) - 0.5 * pi for travel in (start, end))
-        theta = first + 0.5 * (last - first) * (_GAUSS[0][:, np.newaxis] + 1.0)
-        bent = np.maximum(2.0 * a * np.sin(0.5 * theta + 0.25 * pi) ** 2 - Z, 0.0)
-        g = (a - Z - (bent + np.expm1(-bent))) / a
-        waves = np.stack([np.cos(theta), np.sin(theta), np.sin(3.0 * theta), np.cos(3.0 * theta)])
-        averages += (last - first) / pi * np.einsum("n,na,kna->ka", _GAUSS[1], g, waves)
-    ln_C, ln_S = np.log(averages[0]), np.log(-averages[1])
-    slopes = (np.gradient(values, _LN_RATIO) for values in (ln_C, ln_S))
-    return ln_C, next(slopes), ln_S, next(slopes), averages[2:] / averages[0]
-
-
-class SmoothJoint(Joint):
-    """A joint of the law of Bouc and Wen: see `SmoothSlip`."""
-
-    def stretch(self, start: float, travel: float) -> float:
-        """z after a one-way ``travel``: relieved to zero along a line, then stretched towards the limit."""
-        way = 1.0 if travel > 0.0 else -1.0
-        along, distance, limit = way * start, abs(travel), float(self.limit)
-        relieved = min(distance, max(-along, 0.0))
-        along += relieved
-        if along < 0.0 or not travel:
-            return way * along
-        return way * (limit - (limit - along) * exp(-(distance - relieved) / limit))
-
-
-@dataclass(frozen=True)
-class SmoothSlip(SlippingForce):
-    """A joint that yields gradually: the law of Bouc and Wen with n = 1 and beta = gamma.
-
-    The stretch z follows dz/dq = 1 - |z|/A1 where motion stretches the joint further, 1 where it relieves it; the force
-    is k (z - q). C tends to 4 k A1/pi, as of `Slip`; small motion loses energy too (Wen 1976). The averages are
-    interpolated in a table over ln(A/A1).
-    """
-
-    joint: ClassVar[type[Joint]] = SmoothJoint
-
-    def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """C, dC/d ln A, S and dS/d ln A."""
-        ln_C, C_slope, ln_S, S_slope, _ = _tabulate_smooth()
-        x = np.log(A / self.limit)
-        inside = np.clip(x, _LN_RATIO[0], _LN_RATIO[-1])
-        values: list[Floats] = []
-        for sign, ln_value, table in ((1.0, ln_C, C_slope), (-1.0, ln_S, S_slope)):
-            slope = np.interp(inside, _LN_RATIO, table)
-            size = np.exp(np.interp(inside, _LN_RATIO, ln_value) + slope * (x - inside))
-            value = sign * self.stiffness * A * size
-            values += [spread(value, omega), spread(value * (1.0 + slope), omega)]
-        return values[0], values[1], values[2], values[3]
-
-    def third(self, A: Floats, omega: Floats) -> ComplexArray:
-        """The third harmonic, in the ratio of the table to C."""
-        x = np.log(A / self.limit)
-        real, imaginary = (np.interp(x, _LN_RATIO, part) for part in _tabulate_smooth()[4])
-        return np.asarray((real + 1j * imaginary) * self.grow(A, omega)[0])
-
-    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """k (z - q) over the steady cycle, from either turn: see `_tabulate_smooth`."""
-        q, way = A * np.sin(theta), np.where(np.cos(theta) < 0.0, -1.0, 1.0)
-        Z, travel = _stretch_at_turn(A / self.limit), (A + way * q) / self.limit
-        z = np.where(travel < Z, travel - Z, -np.expm1(np.minimum(Z - travel, 0.0)))
-        return np.asarray(self.stiffness * (self.limit * way * z - q) + zeros(omega))
 
 
 class Spring(GrowingForce, CoefficientForce):

@@ -1,0 +1,144 @@
+"""The smooth joint of Bouc and Wen, of which Dahl's is one: it yields gradually."""
+
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from math import exp, pi
+
+import numpy as np
+
+from damping.arrays import ComplexArray, FloatArray, Floats
+from damping.forces.contract import Joint, spread, zeros
+from damping.forces.joints import SlippingForce
+
+#: ln(A/A1) of the table: steps of 1 %, right to 2e-5 between; beyond it averages are powers of A.
+_LN_RATIO = np.linspace(-6.0, 12.0, 1801)
+#: ln(relief) of the table: a polynomial through all is right to 1e-4 from 0.7 to 2.8.
+_LN_RELIEF = np.log(2.0) / 3.0 * np.arange(-1.0, 5.0)
+#: Relief less 1 that counts as none.
+_NO_RELIEF = 1e-11
+#: Iterations for the stretch at the turns: to the last digit at any amplitude.
+_TURNS = 8
+#: Travel over A1, from zero force, that cuts its bend into parts; nodes of Gauss and Legendre in each, right to 1e-11.
+_BENDS = (1.0, 6.0, 40.0)
+_GAUSS = np.polynomial.legendre.leggauss(20)
+
+
+def _gain(relief: Floats) -> FloatArray:
+    """r, the relief less 1; a tiny number for none, as limits are divided by it."""
+    r = np.asarray(relief) - 1.0
+    return np.where(np.abs(r) < _NO_RELIEF, _NO_RELIEF, r)
+
+
+def _stretch_at_turn(a: Floats, r: FloatArray) -> FloatArray:
+    """Z, the stretch at the turns of a steady cycle of amplitude a, both over A1: Z = 1 - (1 + r Z)^(1/r) exp(-2 a).
+
+    By Newton's method from above: the equation is convex.
+    """
+    Z = np.minimum(2.0 * np.asarray(a), 1.0)
+    for _ in range(_TURNS):
+        left = np.exp(np.log1p(r * Z) / r - 2.0 * a)
+        Z = Z - (Z - 1.0 + left) / (1.0 + left / (1.0 + r * Z))
+    return np.asarray(Z)
+
+
+def _lag(Z: Floats, r: FloatArray, travel: Floats) -> FloatArray:
+    """Stretch less travel after a one-way ``travel`` from the stretch -Z <= 0, all over A1.
+
+    The stretch is relieved to zero along an exponential of rate r, then approaches the limit.
+    """
+    free = np.log1p(r * Z) / r
+    relieved, bent = np.minimum(travel, free), np.maximum(travel - free, 0.0)
+    return np.asarray(-Z - np.expm1(-r * relieved) * (1.0 / r + Z) - relieved - (bent + np.expm1(-bent)))
+
+
+@cache
+def _tabulate() -> FloatArray:
+    """C, dC/d ln A, S, dS/d ln A and the third harmonic, over ln(A/A1) and ln(relief), (1801, 6, 6).
+
+    Of unit k A. All are divided by a/(1 + a)^2, S and its slope by a/(1 + a): so they tend to constants.
+    """
+    a, r = np.exp(_LN_RATIO)[:, np.newaxis], _gain(np.exp(_LN_RELIEF))
+    Z = _stretch_at_turn(a, r)
+    free = np.log1p(r * Z) / r
+    ends = [0.0 * Z, *(np.minimum(free + bend, 2.0 * a) for bend in (0.0, *_BENDS)), 2.0 * a + 0.0 * Z]
+    averages = np.zeros((4, *Z.shape))
+    for start, end in pairwise(ends):
+        first, last = (2.0 * np.arcsin(np.sqrt(travel / (2.0 * a))) - 0.5 * pi for travel in (start, end))
+        theta = first + 0.5 * (last - first) * (_GAUSS[0][:, np.newaxis, np.newaxis] + 1.0)
+        g = 1.0 + _lag(Z, r, 2.0 * a * np.sin(0.5 * theta + 0.25 * pi) ** 2) / a
+        waves = np.stack([np.cos(theta), np.sin(theta), np.sin(3.0 * theta), np.cos(3.0 * theta)])
+        averages += (last - first) / pi * np.einsum("n,nar,knar->kar", _GAUSS[1], g, waves)
+    C, S = averages[:2]
+    slopes = averages[:2] + np.gradient(averages[:2], _LN_RATIO, axis=1)
+    table = np.stack([C, slopes[0], S, slopes[1], *averages[2:]], axis=-1)
+    return table / _scale(np.exp(_LN_RATIO))[:, np.newaxis]
+
+
+def _scale(a: FloatArray) -> FloatArray:
+    """By what the entries of the table are divided, (..., 6)."""
+    partial, full = a / (1.0 + a), a / (1.0 + a) ** 2
+    return np.stack([full, full, partial, partial, full, full], axis=-1)
+
+
+@dataclass(frozen=True)
+class SmoothJoint(Joint):
+    """A joint of the law of Bouc and Wen: see `SmoothSlip`."""
+
+    relief: Floats
+
+    def stretch(self, start: float, travel: float) -> float:
+        """z after a one-way ``travel``."""
+        way, limit = 1.0 if travel > 0.0 else -1.0, float(self.limit)
+        along, distance = way * start / limit, abs(travel) / limit
+        if along > 0.0:
+            return way * limit * (1.0 - (1.0 - along) * exp(-distance))
+        return way * limit * (distance + float(_lag(-along, _gain(self.relief), distance)))
+
+
+@dataclass(frozen=True)
+class SmoothSlip(SlippingForce):
+    """A joint that yields gradually: the law of Bouc and Wen with n = 1.
+
+    The stretch z follows dz/dq = 1 - |z|/A1 where motion stretches the joint further, 1 + r |z|/A1 where it relieves
+    it. The force is k (z - q). ``relief`` 1 + r = 2 beta/(beta + gamma) is its stiffness just after a turn at the
+    limit, over k: 1 where it is relieved along a line, 2 for the law of Dahl (1968). C tends to 4 k A1/pi, as of
+    `Slip`; small motion loses energy too (Wen 1976). The averages are interpolated in a table.
+    """
+
+    relief: Floats = 1.0
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """One."""
+        return (SmoothJoint(self.stiffness, self.limit, self.relief),)
+
+    def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """C, dC/d ln A, S and dS/d ln A."""
+        C, C_slope, S, S_slope = (spread(values, omega) for values in self._look_up(A)[:4])
+        return C, C_slope, S, S_slope
+
+    def third(self, A: Floats, omega: Floats) -> ComplexArray:
+        """The third harmonic."""
+        real, imaginary = self._look_up(A)[4:]
+        return np.asarray(real + 1j * imaginary)
+
+    def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
+        """k (z - q) over the steady cycle, from either turn: see `_lag`."""
+        a, r, way = A / self.limit, _gain(self.relief), np.where(np.cos(theta) < 0.0, -1.0, 1.0)
+        behind = _lag(_stretch_at_turn(a, r), r, a * (1.0 + way * np.sin(theta)))
+        return np.asarray(self.stiffness * self.limit * way * (a + behind) + zeros(omega))
+
+    def _look_up(self, A: Floats) -> FloatArray:
+        """The entries of the table at A, (6, ...): between amplitudes along lines, between reliefs by Lagrange."""
+        a, y, table = np.asarray(A / self.limit), np.log(self.relief), _tabulate()
+        last = len(_LN_RATIO) - 1.0
+        place = np.clip((np.log(a) - _LN_RATIO[0]) / np.ptp(_LN_RATIO) * last, 0.0, last)
+        before = np.minimum(place.astype(np.int64), len(_LN_RATIO) - 2)
+        rows = table[before] + (place - before)[..., np.newaxis, np.newaxis] * (table[before + 1] - table[before])
+        weights = [
+            np.prod([(y - other) / (node - other) for other in _LN_RELIEF if other != node], axis=0)
+            for node in _LN_RELIEF
+        ]
+        size = np.asarray(self.stiffness * A)[..., np.newaxis] * _scale(a)
+        return np.moveaxis(size * np.einsum("...rk,...r->...k", rows, np.stack(weights, axis=-1)), -1, 0)
