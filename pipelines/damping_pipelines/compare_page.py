@@ -15,8 +15,9 @@ from damping import report
 from damping.formats.quantity import find_powers, unit
 from damping.infer.observations import Observations
 from damping.ranking.sharing import SharedShape, share_shapes, weigh_sharing
+from damping.records.mode import Units
 from damping.report.page import Block, Footer, Table, render_page, write_sections
-from damping_pipelines.forms import StudyForm, StudyRecordForm, UnitsForm
+from damping_pipelines.forms import StudyForm, StudyRecordForm
 from damping_pipelines.manifest import Manifest
 
 #: Odds from which on one law or several is said.
@@ -238,7 +239,7 @@ def _build_tables(name: str, having: Sequence[StudySummary]) -> dict[str, Table]
     return tables
 
 
-def _convert_predictions(table: pd.DataFrame, units: Mapping[str, UnitsForm]) -> bool:
+def _convert_predictions(table: pd.DataFrame, units: Mapping[str, Units]) -> bool:
     """Convert to the units of the first study and return whether all rows could be; ``units``: of each study."""
     to = next(iter(units.values()))
     factors = [_find_factors(units[study], to) for study in table["study"]]
@@ -252,7 +253,7 @@ def _convert_predictions(table: pd.DataFrame, units: Mapping[str, UnitsForm]) ->
     return True
 
 
-def _find_factors(own: UnitsForm, to: UnitsForm) -> tuple[float, float] | None:
+def _find_factors(own: Units, to: Units) -> tuple[float, float] | None:
     """Factors of force and length from one system of units to another; None if unknown."""
     if own == to:
         return 1.0, 1.0

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from damping.errors import AnalysisError, InputError, list_nearest
-from damping.records.mode import Units
 from damping.records.text import read_bytes
 from damping_pipelines.forms import MAX_FORM_SIZE, DampedRow, DampingForm, StudyForm, StudyRecordForm, read_form
 from damping_pipelines.manifest import Folder, open_folder
@@ -66,8 +65,8 @@ def _take_record(record: StudyRecordForm, source: Path) -> DampingForm:
             "name": record.name,
             "rows": [row for row in record.curve.rows if row.tested or not loads],
             "predictions": [DampedRow.model_validate(load.model_dump()) for load in loads],
-            "units": record.units.model_dump(),
-            "drive": Units(**record.units.model_dump()).drive,
+            "units": record.units,
+            "drive": record.units.drive,
             "audit": record.audit,
         }
     )

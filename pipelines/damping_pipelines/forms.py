@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, RootModel, ValidationError, m
 from pydantic_core import PydanticCustomError
 
 from damping.errors import InputError
+from damping.records.mode import Units
 
 #: Largest form that is read, bytes (a ranking of a hundred candidates takes 50 000).
 MAX_FORM_SIZE = 10_000_000
@@ -124,7 +125,7 @@ class LoadsForm(FormPart):
     format: Literal["loads/1"]
     level: float
     predictions: Annotated[list[PredictionForm], Field(min_length=1)]
-    units: dict[str, str] = {}
+    units: Units = Units()
 
     @property
     def asked(self) -> str:
@@ -162,7 +163,7 @@ class CurveForm(FormPart):
     format: Literal["curve/1"]
     level: float
     rows: Annotated[list[CurveRowForm], Field(min_length=1)]
-    units: dict[str, str] = {}
+    units: Units = Units()
 
 
 class AnswerForm(RootModel[Annotated[RankForm | LoadsForm | CurveForm, Field(discriminator="format")]]):
@@ -210,7 +211,7 @@ class DampingForm(FormPart):
     rows: list[DampedRow] = []
     modes: list[DampedMode] = []
     drive: str = "force"
-    units: dict[str, str] = {}
+    units: Units = Units()
     level_name: str = "level"
     level_unit: str = ""
     cautions: list[str] = []
@@ -253,14 +254,6 @@ class CampaignForm(FormPart):
     level_unit: str = ""
 
 
-class UnitsForm(FormPart):
-    """Units of a record."""
-
-    force: str = ""
-    length: str = ""
-    time: str = ""
-
-
 class PowerLawForm(FormPart):
     """The power law of velocity, the first that a study lists."""
 
@@ -273,7 +266,7 @@ class StudyRecordForm(FormPart):
 
     name: Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
     title: str = ""
-    units: UnitsForm = UnitsForm()
+    units: Units = Units()
     audit: list[FindingForm] = []
     rank: RankForm
     loads: LoadsForm | None = None
