@@ -50,8 +50,7 @@ from damping_pipelines.terminal import (
     report_findings,
 )
 
-#: Outputs of every campaign.
-PAGES = ("campaign.json", "report.html", "study.toml")
+PAGES = ("campaign.json", "report.html", "study.toml")  #: outputs of every campaign
 
 
 def campaign(

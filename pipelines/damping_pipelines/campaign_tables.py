@@ -16,8 +16,7 @@ from damping_pipelines.terminal import number_whole, number_with_error
 
 _CAUTION = "caution: "  #: beginning of a note that casts doubt
 _LOST = "the mode near "  #: beginning of a note on a mode without an answer
-#: How damping changes with the level.
-_CHANGES = {1: "grows in", -1: "falls in", 0: "stays within its band in"}
+_CHANGES = {1: "grows in", -1: "falls in", 0: "stays within its band in"}  #: how damping changes with the level
 
 
 def describe_answer(answer: Campaign) -> dict[str, Any]:

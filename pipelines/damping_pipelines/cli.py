@@ -164,8 +164,7 @@ for _info in app.registered_commands:
 COLLECT_AFTER = 300_000
 
 
-#: Commands that read or write Parquet.
-USE_PYARROW = ("fleet", "export")
+USE_PYARROW = ("fleet", "export")  #: commands that read or write Parquet
 
 
 def main(arguments: list[str] | None = None) -> None:

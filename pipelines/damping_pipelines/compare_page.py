@@ -20,12 +20,9 @@ from damping.report.page import Block, Footer, Table, render_page, write_section
 from damping_pipelines.forms import StudyForm, StudyRecordForm
 from damping_pipelines.manifest import Manifest
 
-#: Odds from which on one law or several is said.
-DECIDES = 3.0
-#: Columns of predictions that hold amplitudes.
-_AMPLITUDES = ["median", "low", "high", "linear"]
-#: Laws listed there at most.
-MOST_POOLED = 8
+DECIDES = 3.0  #: odds from which on one law or several is said
+_AMPLITUDES = ["median", "low", "high", "linear"]  #: columns of predictions that hold amplitudes
+MOST_POOLED = 8  #: laws listed there at most
 
 
 @dataclass(frozen=True)

@@ -48,8 +48,7 @@ ABSENT = {
     "abaqus": "undamped unless you give it one",
     "ansys": "undamped unless you give it one",
 }
-#: The damping ratios written of each load level.
-BOUNDS = ("median", "low")
+BOUNDS = ("median", "low")  #: the damping ratios written of each load level
 #: Ratio of the frequencies of a table's outermost points to those of the modes: constant damping to either side.
 FLANK = 2.0
 #: Largest relative error in damping that the form of the coefficients may leave unreported: bands of damping at tested
@@ -57,12 +56,10 @@ FLANK = 2.0
 MOST_MISFIT = 0.05
 #: SI unit of a linear coefficient by the powers of a force and its motion, and of a moment and its angle.
 LINEAR_UNITS: dict[object, str] = {((1, 0, 0), (0, 1, 0)): "N/(m/s)", ((1, 1, 0), (0, 0, 0)): "N m/(rad/s)"}
-#: Longest line of a comment, characters; Abaqus takes lines of 256.
-COMMENT_WIDTH = 120
+COMMENT_WIDTH = 120  #: longest line of a comment, characters; Abaqus takes lines of 256
 #: Reason for the live block if there are two candidates.
 SAFER = "of the largest tested and the largest requested level, the one with less damping"
-#: Ratios on one line of an ANSYS ``MDAMP`` command.
-RATIOS_PER_LINE = 6
+RATIOS_PER_LINE = 6  #: ratios on one line of an ANSYS ``MDAMP`` command
 
 
 @dataclass(frozen=True)
@@ -227,27 +224,16 @@ def _as_point(mode: str, row: DampedRow) -> Point | None:
 
 @dataclass(frozen=True)
 class Coefficients:
-    """c1 and c2 of one mode at one bound, and their largest error; in N, m and s if the form names its units.
+    """c1 and c2 of one mode at one bound, and their largest error; in N, m and s if the form names its units."""
 
-    Attributes:
-        linear: c1.
-        quadratic: c2.
-        miss: their damping over that of the form, less 1, at the level of the largest error.
-        force: there.
-        equivalent: F/(omega A) of the form there, the c1 that alone would fit that level.
-        falls: whether F/(omega A) is smaller at the largest amplitude than at the smallest.
-        unit: of forces.
-        alone: whether there is only one level, at which any ratio of the two fits.
-    """
-
-    linear: float
-    quadratic: float
-    miss: float
-    force: float
-    equivalent: float
-    falls: bool
-    unit: str = ""
-    alone: bool = False
+    linear: float  #: c1
+    quadratic: float  #: c2
+    miss: float  #: their damping over that of the form, less 1, at the level of the largest error
+    force: float  #: there
+    equivalent: float  #: F/(omega A) of the form there, the c1 that alone would fit that level
+    falls: bool  #: whether F/(omega A) is smaller at the largest amplitude than at the smallest
+    unit: str = ""  #: of forces
+    alone: bool = False  #: whether there is only one level, at which any ratio of the two fits
 
     def __str__(self) -> str:
         at = f"{self.force:g} {self.unit}".rstrip()

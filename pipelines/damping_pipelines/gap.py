@@ -24,8 +24,7 @@ from damping_pipelines.store import check_outputs, refuse_unwritable, write_answ
 from damping_pipelines.terminal import console, progress, report_findings
 
 FORMAT = "gap/1"
-#: Characters of a line of comment.
-COMMENT_WIDTH = 116
+COMMENT_WIDTH = 116  #: characters of a line of comment
 
 
 def gap(

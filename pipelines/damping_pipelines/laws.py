@@ -35,10 +35,8 @@ from damping_pipelines.terminal import (
     suggest,
 )
 
-#: Laws whose coefficients are shown.
-MOST_LAWS = 3
-#: Laws named with their weights.
-MOST_NAMED = 5
+MOST_LAWS = 3  #: laws whose coefficients are shown
+MOST_NAMED = 5  #: laws named with their weights
 #: Per cent; errors below it are rounding: a law with as many parameters as points passes through all.
 SMALL = 0.01
 

@@ -25,8 +25,7 @@ from damping.records.text import name_apart, read_bytes
 from damping_pipelines.forms import read_form
 from damping_pipelines.store import make_folder, to_json, write_bytes
 
-#: Name of the manifest in its folder.
-MANIFEST = "manifest.json"
+MANIFEST = "manifest.json"  #: name of the manifest in its folder
 #: The command whose results a manifest names, by an output that every run of it has; the first that is there
 #: (bands come last: a calibration has a README.md too).
 COMMANDS = {

@@ -9,12 +9,9 @@ from typing import Annotated, Any
 from typer import Argument, Option
 
 MAX_SIZE = 200_000_000
-#: The year of the report; `damping.infer.SEED`, which this module is too light to import.
-DEFAULT_SEED = 1970
-#: Processes of one machine.
-MOST_PROCESSES = 1024
-#: What an option that can be repeated is where it is not given.
-NONE: list[Any] = []
+DEFAULT_SEED = 1970  #: the year of the report; `damping.infer.SEED`, which this module is too light to import
+MOST_PROCESSES = 1024  #: processes of one machine
+NONE: list[Any] = []  #: what an option that can be repeated is where it is not given
 
 Json = Annotated[str | None, Option("--json", metavar="FILE", help="Write the JSON form; - is stdout.")]
 Seed = Annotated[int, Option(min=0, help="Seed of all random draws.")]

@@ -175,12 +175,9 @@ def to_parquet(table: pd.DataFrame) -> bytes:
     return buffer.getvalue()
 
 
-#: Dots per inch of a PNG image.
-PNG_DPI = 200
-#: Endings of a picture's name.
-PICTURES = (".svg", ".png")
-#: Endings of a page's name.
-PAGES = (".html", ".htm")
+PNG_DPI = 200  #: dots per inch of a PNG image
+PICTURES = (".svg", ".png")  #: endings of a picture's name
+PAGES = (".html", ".htm")  #: endings of a page's name
 
 
 def write_answer(
@@ -218,8 +215,7 @@ ANSWER_ALONE = """<style>@media print {
   main > section:not(#answer), nav, footer { display: none }
   body { zoom: 0.7 }
 }</style></head>"""
-#: Seconds that printing may take.
-LONGEST_PRINT = 60
+LONGEST_PRINT = 60  #: seconds that printing may take
 
 
 def print_answer(page: str) -> bytes:

@@ -39,8 +39,7 @@ from damping_pipelines import study_files as files
 from damping_pipelines.manifest import digest_file, refuse_foreign, sole_writer, versions
 from damping_pipelines.terminal import progress, report_findings
 
-#: Forces of the figure of design loads: points between the smallest tested and the largest asked for.
-GRID = 60
+GRID = 60  #: forces of the figure of design loads: points between the smallest tested and the largest asked for
 #: Laws whose posteriors are sampled by chains for the page and the files; predictions average all laws by weight.
 MOST_SAMPLED = 6
 

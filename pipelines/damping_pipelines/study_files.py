@@ -28,8 +28,7 @@ from damping_pipelines.manifest import publish
 from damping_pipelines.options import DEFAULT_SEED
 from damping_pipelines.store import PNG_DPI, print_answer, refuse_inputs, to_json
 
-#: Outputs of every study.
-PAGES = ("report.html", "summary.json")
+PAGES = ("report.html", "summary.json")  #: outputs of every study
 
 
 class RecordSettings(BaseModel, extra="forbid", frozen=True):

@@ -33,8 +33,7 @@ from damping_pipelines.terminal import PlainTable, console, name_quantity, numbe
 
 #: Rows beyond which the list of deviations would take more memory than a few times the file.
 MOST_ROWS = 100_000
-#: Rows times terms beyond which the columns would.
-MOST_NUMBERS = 800_000
+MOST_NUMBERS = 800_000  #: rows times terms beyond which the columns would
 
 
 def regress(

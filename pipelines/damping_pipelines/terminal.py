@@ -20,8 +20,7 @@ from damping.records.text import describe_shortened
 from damping.report import end_sentence
 from damping_pipelines import QUIET
 
-#: Lines of progress at most where there is no terminal: a log holds what follows them too.
-_MOST_LINES = 10
+_MOST_LINES = 10  #: lines of progress at most where there is no terminal: a log holds what follows them too
 
 
 @contextmanager
@@ -82,12 +81,9 @@ class Notes:
             console.print(f"Caution: {end_sentence(caution)}", highlight=False)
 
 
-#: Characters between two columns of a table.
-_GAP = 2
-#: Characters that a name keeps at least.
-_LEAST_NAME = 14
-#: Width where standard output is no terminal and the environment names none: a log, a mail.
-WIDTH = 80
+_GAP = 2  #: characters between two columns of a table
+_LEAST_NAME = 14  #: characters that a name keeps at least
+WIDTH = 80  #: width where standard output is no terminal and the environment names none: a log, a mail
 
 
 class PlainTable:

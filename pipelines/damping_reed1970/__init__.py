@@ -116,8 +116,7 @@ def by_point(name: str, values: npt.ArrayLike, points: Iterable[object] | None =
     return {f"{name}[{k}]": value for k, value in zip(points or count_up(1), numbers, strict=points is not None)}
 
 
-#: Figures whose data are not printed: there is a counterpart, from other data.
-NOT_PRINTED = ("5.1",)
+NOT_PRINTED = ("5.1",)  #: figures whose data are not printed: there is a counterpart, from other data
 #: What tables and figures call what the code knows by name.
 LABELS: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("labels.toml").read_text("utf-8"))
 #: Agreements of a printed number with its recomputation that count as right.
@@ -222,8 +221,7 @@ def _drawn_in(blocks: Iterable[Block]) -> Iterable[DrawnBlock]:
             yield from _drawn_in(block.blocks)
 
 
-#: A table with more rows than this is folded away.
-MOST_ROWS = 24
+MOST_ROWS = 24  #: a table with more rows than this is folded away
 #: Tables that are known by name: ``title``, ``text``, what it says, and ``columns`` that the page shows (all if none).
 KNOWN: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("known_tables.toml").read_text("utf-8"))
 

@@ -112,8 +112,7 @@ def report_parts(results: ReportResults) -> list[ReportPart]:
     ]
 
 
-#: Folder of the pages of the reproduction, beside the report.
-FOLDER = "reproduction"
+FOLDER = "reproduction"  #: folder of the pages of the reproduction, beside the report
 
 
 def build_pages(parts: Sequence[ReportPart]) -> list[FurtherPage]:

@@ -160,8 +160,7 @@ def _spread(rows: pd.DataFrame) -> FloatArray:
     return np.asarray(0.28 * np.sin(2.399963 * number))  # the golden angle: neighbours land apart
 
 
-#: Numbers shown beside an erratum.
-MOST_NUMBERS = 3
+MOST_NUMBERS = 3  #: numbers shown beside an erratum
 
 
 def errata_part(table: pd.DataFrame, reproduction: pd.DataFrame) -> ReportPart:

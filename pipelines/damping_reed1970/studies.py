@@ -178,10 +178,8 @@ def configuration_2_gap() -> Diagnosis:
     return diagnose(Record(record.table, "Tables 4.I and 4.II"), mode)
 
 
-#: Figures shown of each gap.
-SHOWN = ("overlay", "probabilities", "local")
-#: Hypotheses listed of each: more have a probability of a per cent or less.
-_MOST = 8
+SHOWN = ("overlay", "probabilities", "local")  #: figures shown of each gap
+_MOST = 8  #: hypotheses listed of each: more have a probability of a per cent or less
 
 
 def gaps_part(diagnoses: Gaps) -> ReportPart:

@@ -35,12 +35,10 @@ LEVEL = 0.9
 #: Largest high/low wanted at a ratio of force to the largest tested one.
 GOALS = {1.5: 1.35, 4.0: 1.8}
 RATIOS = (1.5, 2.0, 4.0)
-#: Largest error of a median wanted at a level left out, per cent.
-MEDIANS = 6.0
+MEDIANS = 6.0  #: largest error of a median wanted at a level left out, per cent
 #: Known records by folder: ``title`` of the structure, ``source``, and whether a warning is wanted.
 CITATIONS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
-#: Forces at which a band is drawn.
-_GRID = 40
+_GRID = 40  #: forces at which a band is drawn
 
 
 @dataclass(frozen=True)

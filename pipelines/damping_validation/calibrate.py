@@ -22,12 +22,9 @@ from damping_pipelines.terminal import progress
 from damping_validation import calibration as trial
 from damping_validation.truths import IN_LIBRARY, TRUTHS
 
-#: Law of the trials with whole sweeps.
-SWEPT = Law(("viscous", "velocity-squared"))
-#: Law of the trials sampled by emcee.
-CHAINED = Law(("velocity-power",))
-#: Trials sent to a process at once: enough to keep it busy for seconds.
-BATCH = 12
+SWEPT = Law(("viscous", "velocity-squared"))  #: law of the trials with whole sweeps
+CHAINED = Law(("velocity-power",))  #: law of the trials sampled by emcee
+BATCH = 12  #: trials sent to a process at once: enough to keep it busy for seconds
 #: In the title of a panel: what the posterior is of, where it is not of resonances by importance draws.
 _OF = {"sweeps": "whole sweeps", "emcee": "by emcee"}
 

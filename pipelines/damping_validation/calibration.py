@@ -28,10 +28,8 @@ from damping.predict.steady import resonant_amplitude
 from damping.records.mode import Mode
 from damping_validation.truths import OMEGA, Truth, draw_truth, log_uniform, peaks, sweeps
 
-#: Forces predicted, relative to the largest tested one.
-RATIOS = (1.5, 2.0, 4.0)
-#: Probability content of the bands.
-LEVEL = 0.9
+RATIOS = (1.5, 2.0, 4.0)  #: forces predicted, relative to the largest tested one
+LEVEL = 0.9  #: probability content of the bands
 #: Share of next tests that bands are to hold, least and most; largest share above them.
 HELD = (0.86, 0.96)
 ABOVE = 0.08
@@ -40,37 +38,26 @@ WORST = 0.75
 WORST_ABOVE = 0.20
 #: Predictions of a structure from which on these shares are given: of fewer they err by more than a sixth.
 FEWEST_GIVEN = 10
-#: Largest ln width over that of a fitter who knows the form, at the largest ratio.
-OVER_ORACLE = 2.2
+OVER_ORACLE = 2.2  #: largest ln width over that of a fitter who knows the form, at the largest ratio
 #: Content of the band of ranks and of the binomial bounds that goals are held against.
 SURE = 0.99
-#: Bins of a histogram of ranks.
-BINS = 8
-#: Levels of a trial, fewest and most.
-LEVELS = (2, 6)
-#: Largest over smallest force of a trial, least and most.
-SPANS = (1.3, 4.0)
-#: Noise of a trial, standard deviation of ln A, least and most.
-NOISES = (0.003, 0.04)
-#: Share of trials tested by whole sweeps.
-SWEPT_SHARE = 0.15
+BINS = 8  #: bins of a histogram of ranks
+LEVELS = (2, 6)  #: levels of a trial, fewest and most
+SPANS = (1.3, 4.0)  #: largest over smallest force of a trial, least and most
+NOISES = (0.003, 0.04)  #: noise of a trial, standard deviation of ln A, least and most
+SWEPT_SHARE = 0.15  #: share of trials tested by whole sweeps
 #: Noise of a resonance frequency, relative, least and most: of a phase-locked dwell to that of a coarse sweep.
 FREQUENCY_NOISES = (2e-5, 1e-3)
-#: Share of trials with one frequency for all levels: that it moves was not measured.
-ONE_FREQUENCY = 0.25
-#: Posterior draws that a true value is ranked among.
-RANKED = 63
+ONE_FREQUENCY = 0.25  #: share of trials with one frequency for all levels: that it moves was not measured
+RANKED = 63  #: posterior draws that a true value is ranked among
 #: Laws whose posteriors are calibrated: all with a resonance, alone and beside a viscous part.
 CALIBRATED = (
     *(Law((name,)) for name in CATALOGUE if component(name).example.resonates),
     *(Law(("viscous", name)) for name, kind in CATALOGUE.items() if kind.sums and not kind.viscous),
 )
-#: What the calibration data are taken to cover, for the priors of shapes.
-TESTED = Tested(0.5, 2.0, OMEGA)
-#: Forces of calibration data, of the order of one.
-_FORCES = np.geomspace(0.5, 2.0, 4)
-#: Amplitudes beyond this factor from 1 either way are not drawn.
-_RANGE = 100.0
+TESTED = Tested(0.5, 2.0, OMEGA)  #: what the calibration data are taken to cover, for the priors of shapes
+_FORCES = np.geomspace(0.5, 2.0, 4)  #: forces of calibration data, of the order of one
+_RANGE = 100.0  #: amplitudes beyond this factor from 1 either way are not drawn
 
 
 @dataclass(frozen=True)
@@ -217,8 +204,7 @@ def _amplitudes(coordinates: Coordinates, x: FloatArray, force: FloatArray = _FO
     return resonant_amplitude(coordinates.force(x), force[None, :], OMEGA)
 
 
-#: Simulated ECDFs that a band is widened to hold.
-_SIMULATIONS = 4000
+_SIMULATIONS = 4000  #: simulated ECDFs that a band is widened to hold
 
 
 @lru_cache(maxsize=8)

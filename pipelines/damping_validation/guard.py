@@ -34,8 +34,7 @@ SEED = 20261
 #: Blind cases, and their seed.
 CASES = 24
 BLIND_SEED = 20262
-#: Processes: two, as every machine has that runs the tests.
-JOBS = 2
+JOBS = 2  #: processes: two, as every machine has that runs the tests
 
 
 def guard_coverage() -> Iterator[Figure]:

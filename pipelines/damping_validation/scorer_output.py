@@ -20,8 +20,7 @@ SEVERAL = "several"
 BOTH = "both of the pair"
 OPEN = "flagged"
 FAILED = "no answer"
-#: Families in the order in which tables list them.
-FAMILIES = {"null": 0, "single": 1, "pair": 2, "outside": 3}
+FAMILIES = {"null": 0, "single": 1, "pair": 2, "outside": 3}  #: families in the order in which tables list them
 #: Where the cause is, of a case of each family.
 CAUSES = {"null": "nothing", "single": "in the library", "pair": "a pair", "outside": "in no library"}
 _OTHER_ANSWERS = (NONE, BOTH, SEVERAL, OPEN, FAILED)

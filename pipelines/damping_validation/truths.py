@@ -17,8 +17,7 @@ from damping.arrays import ComplexArray, FloatArray
 from damping.infer.law import Law
 from damping.infer.observations import Observations
 
-#: Frequency of every simulated resonance, rad/s; of one that moves, at A = 1.
-OMEGA = 10.0
+OMEGA = 10.0  #: frequency of every simulated resonance, rad/s; of one that moves, at A = 1
 #: Damping ratio at A = 1 of structures whose resonance moves, least and most: of large structures to 5 %.
 RATIOS_OF_DAMPING = (0.002, 0.05)
 #: Largest share of the stiffness that a joint carries: when all of it slips the resonance has fallen by 5 %, as of
@@ -38,8 +37,7 @@ _A = np.exp(_TABLE)[:, None]
 _CYCLE = 2.0 * np.pi * (np.arange(2000) + 0.5) / 2000
 
 
-#: S + iC at the table of ln A, for each power of frequency that C grows with.
-Parts = dict[float, ComplexArray]
+Parts = dict[float, ComplexArray]  #: S + iC at the table of ln A, for each power of frequency that C grows with
 
 
 @dataclass(frozen=True)
@@ -92,8 +90,7 @@ def _iwan(chi: float, spike: float) -> ComplexArray:
     return np.asarray(2.0 * np.mean(force * np.cos(angle), axis=1) + 1j * np.maximum(work, 0.0))
 
 
-#: Steps of the slider within one step of the motion.
-_SUBSTEPS = 4
+_SUBSTEPS = 4  #: steps of the slider within one step of the motion
 
 
 def _bouc_wen(n: float) -> ComplexArray:
@@ -194,8 +191,7 @@ TRUTHS: dict[str, Callable[[np.random.Generator], Parts]] = {
         rng, _velocity_power(1.0), {1.0: _over_a_cycle(lambda q, v: v * np.abs(q))}, _velocity_power(3.0), least=0.1
     ),
 }
-#: Those of which a law of the library, by the same name, holds: the first six.
-IN_LIBRARY = tuple(TRUTHS)[:6]
+IN_LIBRARY = tuple(TRUTHS)[:6]  #: those of which a law of the library, by the same name, holds: the first six
 
 
 def draw_truth(name: str, rng: np.random.Generator) -> Truth:

@@ -38,8 +38,7 @@ WITH_MEMORY = {
 }
 #: Force over the largest tested force at which a diagnosis, for which no load is given, is compared with the laws.
 BEYOND = 2.0
-#: Content of the predictive band at that force.
-LEVEL = 0.9
+LEVEL = 0.9  #: content of the predictive band at that force
 
 
 def compare_with_diagnosis(record: Record, mode: Mode, predicted: Extrapolation) -> Disagreement:

@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Points of each curve in a plot of loads.
-GRID = 60
+GRID = 60  #: points of each curve in a plot of loads
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -19,8 +19,7 @@ from damping.ranking.coefficients import INTERVAL
 from damping.records.text import format_share
 from damping.result import Summarised
 
-#: The intervals of parameters, as titles name them.
-_CONTENT = f"{100.0 * INTERVAL:g} % interval"
+_CONTENT = f"{100.0 * INTERVAL:g} % interval"  #: the intervals of parameters, as titles name them
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -386,7 +386,7 @@ def test_deviations_of_many_sweeps_are_eliminated_sweep_by_sweep(lab, monkeypatc
         patch.setattr("numpy.linalg.solve", watched)
         by_sweeps = fit_roughly(model, np.zeros((1, model.size)))[0]
     assert max(sizes) == model.size
-    monkeypatch.setattr("damping.gap.steps._MANY", 30)
+    monkeypatch.setattr("damping.gap.fit._MANY", 30)
     whole = fit_roughly(model, np.zeros((1, model.size)))[0]
     np.testing.assert_allclose(by_sweeps.y, whole.y, rtol=0.0, atol=1e-9)  # rounding, in standard deviations
     assert np.abs(whole.y).max() > 0.5

@@ -756,6 +756,19 @@ def test_a_sensor_on_a_mount_moves_with_it():
     np.testing.assert_allclose(H, read, rtol=1e-5, atol=0.0)  # its mass over both losses
 
 
+def test_a_gain_slope_is_a_filter_and_beside_a_resonance_a_residual_and_a_lag():
+    """A high-pass far above its corner falls by its power; beside a resonance, the algebra stated at the effect."""
+    omega = OMEGA * np.linspace(0.98, 1.02, 40)
+    alone, d = receptance(omega, TERMS), 0.5 * VISCOUS / (MASS * OMEGA)
+    s = 1e3j * omega / OMEGA
+    H = receptance(omega, FOREIGN["gain-slope"].simulate(TERMS, {"power": -2.0}))
+    filtered = alone * -1e6 / (1.0 + s) ** 2  # second order: (corner/omega)^2, real to 2e-3
+    np.testing.assert_allclose(H, filtered, rtol=3e-3, atol=0.0)
+    H = receptance(omega, FOREIGN["gain-slope"].simulate(TERMS, {"power": 0.5}))
+    two = alone * (1.0 + 0.5j * d) - 0.5 / (2.0 * MASS * OMEGA**2)
+    np.testing.assert_allclose(H, two, rtol=0.0, atol=0.5 * 0.02 * np.abs(alone).max() * 0.02)  # next order in x
+
+
 def test_a_partner_is_the_second_of_two_coupled_equations():
     """Against the generator's circuit, whose push is solved from its own two equations."""
     omega = OMEGA * np.linspace(0.9, 1.1, 30)  # none exactly at resonance

@@ -112,6 +112,10 @@ def test_stray_readings_are_few_and_anywhere(lab, honest):
     assert pattern([tops[1]], 15.0) == ""
     assert pattern([0, 3, 6, 22, 25], 40.0) == ""
     assert "too many" in pattern([0, 3, 6, 22, 25, 28], 40.0)  # one more than .05 x 60 + 2
+    # three of 60 rows at one of 20 frequencies: 20 (3/60)^3 is .0025 by chance, two of 60 at one 20 x 3 (2/60)^2, .07
+    assert "at one frequency in 3 sweeps" in pattern([2, POINTS + 2, n + 2 * POINTS + 2], 40.0)
+    assert pattern([2, POINTS + 2], 40.0) == ""
+    assert pattern([2, POINTS + 4, 2 * POINTS + 6], 40.0) == ""
 
 
 @pytest.mark.parametrize("factor", [2.0, 6.0])

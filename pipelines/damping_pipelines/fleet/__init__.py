@@ -22,10 +22,8 @@ from damping_pipelines.manifest import digest, digest_code, publish, sole_writer
 from damping_pipelines.store import refuse_inputs, write_text
 from damping_pipelines.terminal import progress, tell
 
-#: Rows of a batch at most.
-BATCH = 32
-#: Seconds after which a batch is written however few rows it has: what a lost power costs.
-PERIOD = 5.0
+BATCH = 32  #: rows of a batch at most
+PERIOD = 5.0  #: seconds after which a batch is written however few rows it has: what a lost power costs
 
 
 def fleet(

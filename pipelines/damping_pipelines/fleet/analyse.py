@@ -54,16 +54,13 @@ SUMMARY = page.Links([page.Link("Summary of all records", "../fleet.html")])
 
 @dataclass(frozen=True)
 class FleetRecord:
-    """The results of a record; a stage that was not requested or failed is None, and ``reasons`` give the failures.
-
-    ``bands``: over a grid of forces, None with ``--fast``.
-    """
+    """The results of a record; a stage that was not requested or failed is None, and ``reasons`` give the failures."""
 
     task: FleetTask
     prepared: PreparedRecord
     ranking: RankingResult | None = None
     loads: LoadsResult | None = None
-    bands: Loads | None = None
+    bands: Loads | None = None  #: over a grid of forces, None with ``--fast``
     diagnosis: DiagnosisResult | None = None
     reasons: tuple[str, ...] = ()
 

@@ -25,17 +25,13 @@ from damping.report import (
 from damping.report.page import Block, Facts, FigureBlock, Footer, Link, Table, render_page, write_sections
 from damping_pipelines.fleet.dataset import MULTIPLES, FleetSettings
 
-#: Laws that lead in as many records are named up to this many.
-MOST_TIED = 3
+MOST_TIED = 3  #: laws that lead in as many records are named up to this many
 #: Records below which no twentieth of them is left out: their whole range is said.
 RECORDS_OF_TEN = 20
 MOST_COPIES = 5  #: copies of a record, records with copies, and files that are not read, that are named
-#: Points of the sorted figure: more cannot be told apart on paper.
-MOST_POINTS = 500
-#: Width of the line of an interval at most, points: two records have no bars as wide as the page.
-WIDEST = 12.0
-#: Laws drawn by name; the others are one bar.
-MOST_LAWS = 14
+MOST_POINTS = 500  #: points of the sorted figure: more cannot be told apart on paper
+WIDEST = 12.0  #: width of the line of an interval at most, points: two records have no bars as wide as the page
+MOST_LAWS = 14  #: laws drawn by name; the others are one bar
 
 
 @styled
@@ -83,12 +79,9 @@ COLUMNS = (
     *("linear_overprediction_high", "effects", "unexplained", "gap_shrinkage", "cautions", "record_sha256"),
     *("units_length", "units_force", "design_force", "frequency", "damping_ratio", "damping_ratio_low", "audit"),
 )
-#: Rows of a table of the page; the data set holds the rest.
-MOST_ROWS = 200
-#: Tables that are cut there.
-_CUT = ("outliers", "doubts", "failures", "left")
-#: Records of a list of the page.
-MOST_LISTED = 1000
+MOST_ROWS = 200  #: rows of a table of the page; the data set holds the rest
+_CUT = ("outliers", "doubts", "failures", "left")  #: tables that are cut there
+MOST_LISTED = 1000  #: records of a list of the page
 #: Robust standard deviations from the median of the fleet from which on a record is an outlier.
 OUTLYING = 3.5
 _OVER = "linear_overprediction_percent"

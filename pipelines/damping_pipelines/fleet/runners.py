@@ -21,16 +21,12 @@ from damping_pipelines.fleet.analyse import DIED, INTERNAL, OTHER_CODE, analyse,
 from damping_pipelines.fleet.dataset import FleetResult, FleetTask
 from damping_pipelines.manifest import describe_code
 
-#: Tasks under way for each thread of a worker: one at work and one on its way.
-PER_THREAD = 2
+PER_THREAD = 2  #: tasks under way for each thread of a worker: one at work and one on its way
 #: Workers that may die under a task before it is set aside, to be tried once more with nothing beside it.
 DEATHS = 3
-#: Seconds without any worker after which a run gives up, what is done being kept.
-PATIENCE = 60.0
-#: Seconds between looks at the workers.
-_LOOK = 1.0
-#: Seconds to wait for a scheduler at an address.
-CONNECT = 10.0
+PATIENCE = 60.0  #: seconds without any worker after which a run gives up, what is done being kept
+_LOOK = 1.0  #: seconds between looks at the workers
+CONNECT = 10.0  #: seconds to wait for a scheduler at an address
 #: The scheduler has a page of its health even without a dashboard: on the loopback, at any free port.
 _ANY_PORT = "127.0.0.1:0"
 #: Run by each local worker: an interrupt from the keyboard is for the client, which ends them in order.

@@ -103,18 +103,15 @@ def equivalence_error(slip: Slip, amplitude: FloatArray, reference: float) -> pd
     )
 
 
-#: Points of a cycle over which shapes of loops are compared.
-CYCLE_POINTS = 2880
-#: Energy loss of every loop drawn, over the largest energy of the spring, K A^2/2.
-LOSS = 1.5
+CYCLE_POINTS = 2880  #: points of a cycle over which shapes of loops are compared
+LOSS = 1.5  #: energy loss of every loop drawn, over the largest energy of the spring, K A^2/2
 #: Stiffness that slip loses, of K = 1: K1 = K/4 as in Fig. 2.4c.
 SLIP_STIFFNESS = 0.75
 #: Amplitude at which slip starts, of a motion of 1: twice as far as it sticks, as in Fig. 2.4c.
 SLIP_LIMIT = 0.5
 #: Amplitude in units of A1 at which the equivalence is fixed: where the printed energy is still near the exact one.
 REFERENCE = 2.0
-#: Amplitude in units of A1 up to which the equivalence is followed: three times that.
-FARTHEST = 6.0
+FARTHEST = 6.0  #: amplitude in units of A1 up to which the equivalence is followed: three times that
 #: Exponents that no case of Table 2.I has, to draw the power laws with.
 EXPONENTS = {"velocity-power": 0.5, "displacement-velocity-power": 1.5}
 

@@ -128,8 +128,7 @@ def tabulate_lumped_masses() -> pd.DataFrame:
     )
 
 
-#: Amplitudes over the slip limit at which the energies are tabled.
-AMPLITUDES = (1.25, 1.5, 2.0, 3.0, 4.0, 6.0)
+AMPLITUDES = (1.25, 1.5, 2.0, 3.0, 4.0, 6.0)  #: amplitudes over the slip limit at which the energies are tabled
 
 
 def write_chapter_2(results: ReportResults) -> ReportPart:

@@ -65,8 +65,7 @@ VARIANTS: dict[str, tuple[dict[str, float], tuple[str, ...]]] = {
     "theta = 28 + in phase": ({"theta": PLANES.theta}, ("R",)),
     MOST: ({}, ("R", "lag")),
 }
-#: A damping factor above this is none of a structure (erratum E3IV-1).
-LARGEST_XI = 0.05
+LARGEST_XI = 0.05  #: a damping factor above this is none of a structure (erratum E3IV-1)
 #: Frequency of rigid-body rotation, rad/s (before Eq. 3.1.16).
 OMEGA_R = 1.00
 

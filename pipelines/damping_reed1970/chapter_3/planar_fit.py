@@ -28,13 +28,11 @@ from damping_reed1970.chapter_3 import PLANES, VARIANTS, PlanarOscillator, pitch
 
 Noise = Literal["constant", "proportional"]
 
-#: Parameters that are always there.
-PARAMETERS = ("omega_p", "omega_y", "theta", "M", "C")
+PARAMETERS = ("omega_p", "omega_y", "theta", "M", "C")  #: parameters that are always there
 #: Parameters that are 0 unless they are asked for.
 EXTRAS = ("R", "lag")
 _LOGARITHMIC = ("M", "C")  # the minimiser sees their logarithms, so that they stay positive
-#: Frequencies of the grid of starts, for each plane: across the swept band.
-_GRID_STEPS = 6
+_GRID_STEPS = 6  #: frequencies of the grid of starts, for each plane: across the swept band
 #: Angles of the grid, rad: no end of the range, where the response knows one plane only.
 _GRID_THETA = (0.2, 0.6, 1.0)
 #: Damping factors of the grid: of launch vehicles, by factors of 3.
@@ -212,8 +210,7 @@ def phasors(name: str, noise: Noise = "constant") -> Phasors:
     return Phasors(amplitude * np.exp(-1j * phase), PLANES.phi * F, omega, noise)
 
 
-#: Fits by data, noise and variant.
-Fits = Mapping[tuple[str, str, str], PlanarFit]
+Fits = Mapping[tuple[str, str, str], PlanarFit]  #: fits by data, noise and variant
 
 
 def planar_fits() -> dict[tuple[str, str, str], PlanarFit]:

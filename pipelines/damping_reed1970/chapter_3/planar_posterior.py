@@ -27,25 +27,17 @@ from damping.infer.likelihood import REACH, log_prior
 from damping_reed1970.chapter_3 import PLANES, REPORT, VARIANTS, PlanarOscillator, pitch_response
 from damping_reed1970.chapter_3.planar_fit import EXTRAS, Phasors, phasors
 
-#: Log standard deviation of M: a factor of 2.3 either way in 90 %.
-MASS_LOG_SD = 0.5
-#: Median of xi of the pitch plane: 1 per cent, the order of bolted structures.
-XI_MEDIAN = 0.01
-#: Log standard deviation of xi: a factor of 5 either way in 90 %.
-XI_LOG_SD = 1.0
-#: Median of the noise over the largest amplitude: readings of 5 per cent.
-SIGMA_SHARE = 0.05
-#: Log standard deviation of the noise: hardly known beforehand.
-SIGMA_LOG_SD = 1.0
+MASS_LOG_SD = 0.5  #: log standard deviation of M: a factor of 2.3 either way in 90 %
+XI_MEDIAN = 0.01  #: median of xi of the pitch plane: 1 per cent, the order of bolted structures
+XI_LOG_SD = 1.0  #: log standard deviation of xi: a factor of 5 either way in 90 %
+SIGMA_SHARE = 0.05  #: median of the noise over the largest amplitude: readings of 5 per cent
+SIGMA_LOG_SD = 1.0  #: log standard deviation of the noise: hardly known beforehand
 #: Standard deviation of motion in phase with the force, over the largest amplitude: other modes add a part of it.
 R_SHARE = 0.2
-#: Standard deviation of the lag of all readings, rad: 6 degrees.
-LAG_SD = 0.1
-#: Variables that are always there, in order.
-VARIABLES = ("omega_p", "omega_y", "theta", "M", "xi", "sigma")
+LAG_SD = 0.1  #: standard deviation of the lag of all readings, rad: 6 degrees
+VARIABLES = ("omega_p", "omega_y", "theta", "M", "xi", "sigma")  #: variables that are always there, in order
 
-#: Prior points looked at, as a power of 2: 2048 leave no peak of the posterior unseen.
-_STARTING_POINTS = 2048
+_STARTING_POINTS = 2048  #: prior points looked at, as a power of 2: 2048 leave no peak of the posterior unseen
 #: Prior points followed down to their mode, the best ones.
 _STARTS = 4
 _STEP = 1e-5  # of a standard normal variable, in difference quotients
@@ -176,17 +168,12 @@ WEIGHTED = tuple(("A2", fit) for fit in ("theta = 28", REPORT, "one plane", "fre
 #: Content of every interval and band.
 LEVEL = 0.9
 TAILS = (0.5 * (1.0 - LEVEL), 0.5, 0.5 * (1.0 + LEVEL))
-#: Frequencies of a band: 16 between two measured ones.
-_GRID = 177
-#: Draws behind a band, at least: its ends, quantiles of 5 %, rest on 20.
-_BAND_DRAWS = 400
-#: Draws of a prior, for its density.
-_PRIOR_DRAWS = 8000
+_GRID = 177  #: frequencies of a band: 16 between two measured ones
+_BAND_DRAWS = 400  #: draws behind a band, at least: its ends, quantiles of 5 %, rest on 20
+_PRIOR_DRAWS = 8000  #: draws of a prior, for its density
 
-#: Median, low and high end of a curve over frequency.
-Curve = tuple[FloatArray, FloatArray, FloatArray]
-#: Posteriors by data and variant.
-Posteriors = Mapping[tuple[str, str], PlanarPosterior]
+Curve = tuple[FloatArray, FloatArray, FloatArray]  #: median, low and high end of a curve over frequency
+Posteriors = Mapping[tuple[str, str], PlanarPosterior]  #: posteriors by data and variant
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import brentq
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, Floats
 from damping.forces import case_five, make
 from damping.forces.contract import Force
 from damping.forces.powers import B, beta
+from damping.predict.steady import resonant_amplitude
 from damping.regression.fit import fit_power_law
 from damping_reed1970 import Version, by_point, columns, load_table
 from damping_reed1970.chapter_2 import CASES
@@ -21,8 +21,7 @@ from damping_reed1970.chapter_2 import CASES
 PRINTED: dict[str, Any] = tomllib.loads(Path(__file__).with_name("printed.toml").read_text("utf-8"))
 #: Sweep C of the first mode with omega_n in rad/s.
 SWEEP_C: dict[str, float] = PRINTED["sweep_C"] | {"omega_n": RAD_S_PER_HZ * PRINTED["sweep_C"]["f_n"]}
-#: Force of the extrapolation example of section 4.3, lb.
-F_EXAMPLE: float = PRINTED["example"]["force"]
+F_EXAMPLE: float = PRINTED["example"]["force"]  #: force of the extrapolation example of section 4.3, lb
 
 
 def tabulate_sweeps(version: Version = "printed") -> pd.DataFrame:
@@ -71,9 +70,7 @@ def build_case(case: str, coefficient: float = 1.0, alpha: float = 1.0) -> Force
 
 def equation_4_2_7_inverted(case: str, xi: float, M: float, F_e: float, omega_n: float) -> float:
     """Resonant amplitude A_m under F_e of a case with the coefficient xi_i."""
-    force = build_case(case)
-    target = F_e / (2.0 * M * omega_n * xi)
-    return float(brentq(lambda A: float(force.quadrature(A, omega_n)) - target, 1e-6, 1e3, xtol=1e-14, rtol=1e-14))
+    return float(resonant_amplitude(build_case(case), F_e / (2.0 * M * omega_n * xi), omega_n))
 
 
 def table_4_v() -> dict[str, float]:

@@ -70,8 +70,7 @@ def percent_error_undamped(force: Force, A: Floats, F: Floats, M: Floats, omega_
 
 #: Amplitudes of a curve, in units of the resonant one: dense towards resonance, where the curve turns.
 RATIOS = 1.0 - np.linspace(0.95, 0.0, 300) ** 1.5
-#: What section 4.2 prints of the curves.
-CURVES: dict[str, float] = PRINTED["curves"]
+CURVES: dict[str, float] = PRINTED["curves"]  #: what section 4.2 prints of the curves
 
 
 @dataclass(frozen=True)
@@ -163,8 +162,7 @@ def section_4_2_points(result: AmplitudeFrequency) -> pd.DataFrame:
 #: Cases I and II, and III and IV, nearly coincide: the first of each pair is drawn broad and pale below the second.
 _CASE_LINES = {"case II": (0, (4, 2)), "case IV": (0, (3, 1.5))}
 _BROAD = ("case I", "case III")
-#: Half the width in eta^2 that the curves are drawn over.
-_HALF_WIDTH = 0.008
+_HALF_WIDTH = 0.008  #: half the width in eta^2 that the curves are drawn over
 #: Amplitude over the resonant one at which delta and epsilon are marked.
 _MARKED = 0.55
 _PRINTED: Any = {"color": ALERT, "markersize": 5, "zorder": 4}

@@ -171,8 +171,7 @@ def _predict(case: LevelCase, coefficient: FloatArray, data: Observations, sweep
     return resonant_amplitude(case.force(coefficient), data.tested_force[sweep], data.tested_omega[sweep])
 
 
-#: Scatter of the amplitude from level to level, per cent.
-_SCATTERS = (1.0, 2.0, 3.0, 5.0, 10.0)
+_SCATTERS = (1.0, 2.0, 3.0, 5.0, 10.0)  #: scatter of the amplitude from level to level, per cent
 
 
 def tabulate_chance_of_exponent() -> pd.DataFrame:

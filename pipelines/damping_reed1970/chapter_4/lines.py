@@ -22,8 +22,7 @@ from damping_reed1970 import Version, columns, load_table
 from damping_reed1970.chapter_4 import F_EXAMPLE, PRINTED, equation_4_3_9, equation_4_3_19, resonances, section_4_3
 
 VERSIONS: tuple[Version, ...] = ("printed", "corrected")
-#: Content of the t intervals of coefficients and exponents.
-LEVEL = 0.90
+LEVEL = 0.90  #: content of the t intervals of coefficients and exponents
 
 
 def fit_mode(mode: int, form: Form, version: Version) -> PowerLaw:

@@ -29,13 +29,10 @@ TERMS = {name: parse_term(term) for name, (term, _) in PRINTED["terms"].items()}
 TERM_CASES: dict[str, str] = {name: case for name, (_, case) in PRINTED["terms"].items()}
 #: What the inputs of a fit may be, by the name in the tables.
 INPUT_VERSIONS: dict[str, Version] = {"printed": "printed", "corrected": "corrected", "recovered": "used"}
-#: The law that made the check-out data, as printed.
-GENERATOR: dict[str, float] = PRINTED["generator"]
+GENERATOR: dict[str, float] = PRINTED["generator"]  #: the law that made the check-out data, as printed
 
-#: Coefficient by term.
-Polynomial = dict[str, float]
-#: A, omega, E.
-Points = tuple[FloatArray, FloatArray, FloatArray]
+Polynomial = dict[str, float]  #: coefficient by term
+Points = tuple[FloatArray, FloatArray, FloatArray]  #: A, omega, E
 
 
 def polynomial(coefficients: Polynomial, A: FloatArray, omega: FloatArray) -> FloatArray:

@@ -37,8 +37,7 @@ LOW_ROOT = np.isin(np.arange(1, 16), (1, 2, 3, 4, 5, 6, 14, 15))
 FITTED = PlanarOscillator(M=22.8, C=2.49, omega_p=11.399, omega_y=11.491, theta=radians(36.3))
 #: The planes that the report's route assumes (Eq. 3.2.16), with its linear coefficient (3.2.19).
 ASSUMED = PlanarOscillator(M=PLANES.mass, C=2.30, omega_p=PLANES.omega_p, omega_y=PLANES.omega_y, theta=PLANES.theta)
-#: Relative noise of amplitude and noise of phase (rad), per cent.
-NOISE = (0.0, 1.0, 3.0, 10.0)
+NOISE = (0.0, 1.0, 3.0, 10.0)  #: relative noise of amplitude and noise of phase (rad), per cent
 
 ROUTES = ("Table 5.IV: A and E from xi", "3.1: modal amplitude, E put in", "rough: tail over factor, E put in")
 

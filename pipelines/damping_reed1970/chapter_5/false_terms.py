@@ -21,8 +21,7 @@ from damping_reed1970 import columns, load_table
 from damping_reed1970.chapter_5 import GENERATOR, energy_design
 from damping_reed1970.chapter_5.nine_terms import NINE_TERMS
 
-#: Responses treated at once, for the sake of memory.
-BLOCK = 200
+BLOCK = 200  #: responses treated at once, for the sake of memory
 
 
 @dataclass(frozen=True)
@@ -105,8 +104,7 @@ POSITIONS = {"five terms (5.3.2)": (0, 3, 2, 1, 4), "nine terms (5.3.6)": (0, 3,
 TRUE_TERMS = 2
 #: Relative standard deviation of the noise of E, per cent: from the rounding of the print to Config. I's own scatter.
 NOISE = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0)
-#: Amplitude, over the largest of the data, at which what was selected is extrapolated.
-FARTHER = 2.0
+FARTHER = 2.0  #: amplitude, over the largest of the data, at which what was selected is extrapolated
 #: Ways of selection, and the colour, mark and line of each.
 METHODS: dict[str, tuple[str, str, Any]] = {
     "backward elimination, |T| >= 2": (LINEAR, "o", "-"),
@@ -117,18 +115,16 @@ METHODS: dict[str, tuple[str, str, Any]] = {
 
 @dataclass(frozen=True)
 class FalseTerms:
-    """What selection does to data of a known law.
+    """What selection does to data of a known law."""
 
-    ``selection``: for each set of terms, method and noise ``share_false`` (at least one false term), ``share_exact``
-    (the true law and no more), ``share_missing`` (a true term is not there), ``mean_terms``, ``share_negative`` (some
-    coefficient below 0), ``energy_error_percent`` (root mean square, at twice the largest amplitude),
-    ``monte_carlo_error`` (standard, of a share of one half). ``frequency``: share of the runs in which each term is
-    selected. ``inflation``: standard deviation of the coefficient of A^2 omega, per cent, for noise of 1 per cent of
-    the mean energy, with the true terms, five and nine (closed form), and over that with the true terms.
-    """
-
+    #: for each set of terms, method and noise ``share_false`` (at least one false term), ``share_exact`` (the true law
+    #: and no more), ``share_missing`` (a true term is not there), ``mean_terms``, ``share_negative`` (some coefficient
+    #: below 0), ``energy_error_percent`` (root mean square, at twice the largest amplitude), ``monte_carlo_error``
+    #: (standard, of a share of one half)
     selection: pd.DataFrame
-    frequency: pd.DataFrame
+    frequency: pd.DataFrame  #: share of the runs in which each term is selected
+    #: standard deviation of the coefficient of A^2 omega, per cent, for noise of 1 per cent of the mean energy, with
+    #: the true terms, five and nine (closed form), and over that with the true terms
     inflation: pd.DataFrame
     replicates: int
 

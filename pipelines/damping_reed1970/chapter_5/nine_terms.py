@@ -140,8 +140,7 @@ def _tabulate_by_size(models: Subsets, kind: str) -> pd.DataFrame:
     return pd.DataFrame({"coefficients": kind, "terms": sizes, "models": counts, "rms_error_in_lb": rms})
 
 
-#: Inputs drawn, a panel each.
-DRAWN = ("5.III recovered", "5.IV recovered")
+DRAWN = ("5.III recovered", "5.IV recovered")  #: inputs drawn, a panel each
 
 
 @styled

@@ -21,8 +21,7 @@ from damping_validation.generator.steady import NoSteadyStateError, true_phasors
 
 __all__ = ["BlindCase", "NoSteadyStateError", "Stratum", "draw", "draw_case", "draw_further_rows", "strata"]
 
-#: None of development, so that nothing chosen there has seen a blind case.
-BLIND_SEED = 86400077
+BLIND_SEED = 86400077  #: none of development, so that nothing chosen there has seen a blind case
 
 #: Effects of the library that are faults of the rig.
 RIG_NAMES = frozenset(name_effect(kind) for kind in RIG_KINDS)

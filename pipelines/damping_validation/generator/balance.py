@@ -56,8 +56,7 @@ class TrueRows:
         return bool(np.any(self.rate))
 
 
-#: Time between two rows of a test, cycles of the drive.
-CYCLES_A_ROW = 200.0
+CYCLES_A_ROW = 200.0  #: time between two rows of a test, cycles of the drive
 
 
 def plain_rows(sweep: npt.NDArray[np.int64], force: Array, omega: Array, up: bool = True) -> TrueRows:

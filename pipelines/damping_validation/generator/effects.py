@@ -95,8 +95,7 @@ class Kind:
         return self.most(bench) if callable(self.most) else self.most
 
 
-#: How an entry of a shape is drawn.
-Entry: TypeAlias = Callable[[Generator, Bench], float]
+Entry: TypeAlias = Callable[[Generator, Bench], float]  #: how an entry of a shape is drawn
 
 
 def drawn(*entries: Entry | float) -> Callable[[Generator, Bench], Shape]:

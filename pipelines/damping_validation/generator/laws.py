@@ -32,20 +32,18 @@ class LawForm:
 
     ``degree`` in amplitude, where it is homogeneous. ``power`` of the velocity: at frequency omega its averages are
     omega**power times those at omega = 1; None: they change otherwise, and are taken at the natural frequency.
-    ``jumps``: when the velocity changes sign. ``elastic``: two steady states may exist at one frequency.
     """
 
     function: Callable[[Array, Array, Array, float], Array]
     degree: int | None = None
     power: int | None = 0
-    jumps: bool = False
-    elastic: bool = False
+    jumps: bool = False  #: when the velocity changes sign
+    elastic: bool = False  #: two steady states may exist at one frequency
 
 
 #: Square of the largest displacement over the film's thickness that a squeeze film lets come about.
 _CLOSEST = 0.9
-#: Way over which a rubbing contact builds up, of the place where it begins.
-_BUILD_UP = 0.3
+_BUILD_UP = 0.3  #: way over which a rubbing contact builds up, of the place where it begins
 
 LAW_FORMS: Mapping[str, LawForm] = {
     "displacement": LawForm(lambda q, v, sign, p: np.abs(q) * sign, 1, jumps=True),
@@ -127,17 +125,14 @@ class TrueJoint:
 
 @dataclass(frozen=True)
 class Partner:
-    """A coordinate x coupled with the main one, q; ``kind`` names its two equations in ``accelerations``.
-
-    ``omega``, ``zeta``: of the partner alone, rad/s and damping ratio. ``strength``: of the coupling, dimensionless
-    (mass ratio of an absorber). ``cubic``: of its spring, over omega^2, 1/length^2.
-    """
+    """A coordinate x coupled with the main one, q; ``kind`` names its two equations in ``accelerations``."""
 
     kind: str
+    #: ``omega``, ``zeta``: of the partner alone, rad/s and damping ratio
     omega: float
     zeta: float
-    strength: float
-    cubic: float = 0.0
+    strength: float  #: of the coupling, dimensionless (mass ratio of an absorber)
+    cubic: float = 0.0  #: of its spring, over omega^2, 1/length^2
 
     def accelerations(self, q: Array, v: Array, x: Array, w: Array) -> tuple[Array, Array]:
         """x'' and the contribution of the partner to q'' (per unit of the main mass), from q, q', x and x'."""

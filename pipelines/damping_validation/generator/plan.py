@@ -21,8 +21,7 @@ Generator: TypeAlias = np.random.Generator
 _LEVELS = (1, 2, 3, 4, 5, 6)
 #: Probability of each number of levels in ``_LEVELS``, in the laboratory.
 _CLEAN = (0.0, 0.0, 0.4, 0.3, 0.2, 0.1)
-#: The same in the field.
-_FIELD = (0.04, 0.12, 0.28, 0.26, 0.2, 0.1)
+_FIELD = (0.04, 0.12, 0.28, 0.26, 0.2, 0.1)  #: the same in the field
 
 
 def log_uniform(rng: Generator, low: float, high: float) -> float:

@@ -24,8 +24,7 @@ KINDS: Mapping[str, Kind] = {**FORCE_KINDS, **PATH_KINDS, **DRIFT_KINDS, **RIG_K
 
 LIBRARY = (*FORCE_KINDS, *PATH_KINDS, *DRIFT_KINDS, *RIG_KINDS)
 OUTSIDE = tuple(FOREIGN_KINDS)
-#: Kinds whose fault is the rig's.
-RIG = (*RIG_KINDS, *FOREIGN_RIG)
+RIG = (*RIG_KINDS, *FOREIGN_RIG)  #: kinds whose fault is the rig's
 #: Members of pairs.
 FORCES = ("displacement", "velocity-squared", "displacement-velocity", "quadratic-displacement", "coulomb-friction")
 INSTRUMENT = ("amplitude-scale", "phase-lag", "force-dropout", "level-offset", "sensor-saturation", "background")
@@ -125,43 +124,32 @@ def unscattered(rows: TrueRows) -> TrueRows:
     return replace(rows, gain=unit, tuning=unit)
 
 
-#: Gap of a single effect, sigma: from what cannot be seen to what nobody misses.
-SINGLE_GAPS = (0.3, 30.0)
-#: Gap of each of a pair alone, sigma.
-PAIR_GAPS = (1.0, 12.0)
+SINGLE_GAPS = (0.3, 30.0)  #: gap of a single effect, sigma: from what cannot be seen to what nobody misses
+PAIR_GAPS = (1.0, 12.0)  #: gap of each of a pair alone, sigma
 #: What a record of a pair leaves, in sigma, to either effect alone: less, and it does not show that there are two.
 LEAST_OF_EACH = 1.0
 
-#: Structures drawn until one gives a case of the kind that is wanted.
-_DRAWS = 400
-#: Sizes of an effect tried until its gap is the one that was drawn.
-_TRIALS = 14
-#: ln of the largest over the smallest size tried.
-_LOG_RANGE = 12.0
-#: ln of the gap over the one drawn at which a size is taken.
-_NEAR = 0.05
+_DRAWS = 400  #: structures drawn until one gives a case of the kind that is wanted
+_TRIALS = 14  #: sizes of an effect tried until its gap is the one that was drawn
+_LOG_RANGE = 12.0  #: ln of the largest over the smallest size tried
+_NEAR = 0.05  #: ln of the gap over the one drawn at which a size is taken
 #: Gap, sigma, that stands for none where its logarithm is taken.
 _NOTHING = 1e-9
 _MAY_SCATTER = {"null:nothing": False, "null:parameters": False, "null:scatter": True}
-#: Least levels of a kind that parts one from the others.
-_LEVELS = {"level-offset": 3, "drift:levels": 3}
-#: Rates of a sweep that moves and says so, half-power half-widths squared.
-_KNOWN_RATES = (0.03, 0.4)
+_LEVELS = {"level-offset": 3, "drift:levels": 3}  #: least levels of a kind that parts one from the others
+_KNOWN_RATES = (0.03, 0.4)  #: rates of a sweep that moves and says so, half-power half-widths squared
 
 
 @dataclass(frozen=True)
 class DrawnCase:
-    """A case without its noise: bench, effects, noise-free record, its gap, and the share of each effect.
-
-    ``without_each``: for a pair, the gap without that effect, with all else refitted.
-    """
+    """A case without its noise: bench, effects, noise-free record, its gap, and the share of each effect."""
 
     bench: plan.Bench
     effects: tuple[TrueEffect, ...]
     noise: plan.Noise
     cells: RecordCells
     gap: float
-    without_each: tuple[float, ...]
+    without_each: tuple[float, ...]  #: for a pair, the gap without that effect, with all else refitted
     third: Complex
     across: Complex
 

@@ -27,23 +27,18 @@ LEAST_SPREAD = 0.01
 
 @dataclass(frozen=True)
 class ModeAnswer:
-    """A mode with its record and its levels.
+    """A mode with its record and its levels."""
 
-    ``law``: first in the ranking on every row. ``laws``: those that predictions average, with their weights on the
-    resonances. ``level_caution``: caution on levels that lie apart from the others; ``shape_caution``: on sensors
-    whose share of the motion changes with the level.
-    """
-
-    law: str
+    law: str  #: first in the ranking on every row
     places: tuple[At, ...]
     left_out: dict[str, str]
     record: Record
     mode: Mode
     design_forces: tuple[float, ...]
     notches: tuple[Notch, ...] = ()
-    level_caution: str = ""
-    laws: tuple[tuple[str, float], ...] = ()
-    shape_caution: str = ""
+    level_caution: str = ""  #: caution on levels that lie apart from the others
+    laws: tuple[tuple[str, float], ...] = ()  #: those that predictions average, with their weights on the resonances
+    shape_caution: str = ""  #: on sensors whose share of the motion changes with the level
 
     @property
     def name(self) -> str:

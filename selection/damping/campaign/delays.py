@@ -15,8 +15,7 @@ from damping.campaign.runs import CampaignRun
 #: Least share of the squared misfit that a delay removes. On random campaigns without one 0.1 is removed where modes
 #: bend, 0.4 where two modes show one peak; with one that turns the modes by 0.1 rad, 3 % of a peak, 0.8.
 EXPLAINS = 0.5
-#: Largest relative noise that may remain: more is that of modes which were not found.
-NOISIEST = 0.05
+NOISIEST = 0.05  #: largest relative noise that may remain: more is that of modes which were not found
 LEAST_T = 5.0  #: least delay in standard errors
 _PASSES = 4  # fits, each with the delay left by the one before; the first is linear in it
 

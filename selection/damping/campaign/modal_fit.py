@@ -47,20 +47,16 @@ _FRICTION_PAYS = 20.0  #: least fall of the squared misfit to accept friction: e
 
 @dataclass(frozen=True)
 class ModalFit(Poles):
-    """Modes of one level with their residues.
+    """Modes of one level with their residues."""
 
-    ``ratio_sd`` (modes,) relative; ``residues``, ``residues_sd`` (sensors, modes); ``local`` (modes, sensors,
-    2 + modes): coefficients of c, of e (per Hz^2) and of every mode in the band of each. ``noise`` (2,): relative and
-    constant part of the noise of H. ``frequency_sd`` (modes,) relative. ``delay`` (clusters, 3): the delay in s of
-    all sensors that lowers the misfit most, to first order, its standard error, and the squared misfit in its units.
-    """
-
-    frequency_sd: FloatArray
-    ratio_sd: FloatArray
-    residues: FloatArray
-    residues_sd: FloatArray
-    local: FloatArray
-    noise: FloatArray
+    frequency_sd: FloatArray  #: relative (modes,)
+    ratio_sd: FloatArray  #: relative (modes,)
+    residues: FloatArray  #: (sensors, modes)
+    residues_sd: FloatArray  #: (sensors, modes)
+    local: FloatArray  #: coefficients of c, e (per Hz^2) and all modes in the band of each (modes, sensors, 2 + modes)
+    noise: FloatArray  #: relative and constant part of the noise of H (2,)
+    #: the delay in s of all sensors that lowers the misfit most, to first order, its standard error, and the squared
+    #: misfit in its units (clusters, 3)
     delay: FloatArray
 
     def rest(self, f: FloatArray, H: ComplexArray, mode: int) -> ComplexArray:
@@ -72,19 +68,15 @@ class ModalFit(Poles):
 
 @dataclass(frozen=True)
 class Level:
-    """A level as accelerations per unit of drive: ``f`` (n,), ``H`` (sensors, n), ``drive`` (n,) in SI, and its fit.
-
-    ``third`` (sensors, n): third harmonics per unit of drive, if tracked. ``name``: label in records, the level, unique
-    for each of several runs at one level.
-    """
+    """A level as accelerations per unit of drive: ``f`` (n,), ``H`` (sensors, n), ``drive`` (n,) in SI, and its fit."""
 
     run: CampaignRun
     f: FloatArray
     H: ComplexArray
     drive: FloatArray
     fit: ModalFit
-    third: ComplexArray | None = None
-    name: str = ""
+    third: ComplexArray | None = None  #: third harmonics per unit of drive, if tracked (sensors, n)
+    name: str = ""  #: label in records, the level, unique for each of several runs at one level
 
 
 def find_peaks_of(f: FloatArray, H: ComplexArray, sign: float = 1.0) -> list[float]:

@@ -35,22 +35,17 @@ _UNSEEN = "it has no peak at this resonance"  # the reason that leaves a sensor 
 
 @dataclass(frozen=True)
 class DrivenMode:
-    """A mode of all levels.
-
-    ``residues`` (sensors,) and relative ``residues_sd`` over the levels, NaN for a sensor left out; ``reference`` is
-    the index of the sensor of the coordinate. ``frequency``, relative ``frequency_sd``, ``ratio``, ``ratio_sd``
-    (levels,). ``left_out``: reasons by sensor.
-    """
+    """A mode of all levels."""
 
     number: int
-    reference: int
-    residues: FloatArray
-    residues_sd: FloatArray
-    frequency: FloatArray
-    frequency_sd: FloatArray
-    ratio: FloatArray
-    ratio_sd: FloatArray
-    left_out: dict[str, str]
+    reference: int  #: index of the sensor of the coordinate
+    residues: FloatArray  #: over the levels, NaN for a sensor left out (sensors,)
+    residues_sd: FloatArray  #: relative (sensors,)
+    frequency: FloatArray  #: Hz (levels,)
+    frequency_sd: FloatArray  #: relative (levels,)
+    ratio: FloatArray  #: of damping (levels,)
+    ratio_sd: FloatArray  #: relative (levels,)
+    left_out: dict[str, str]  #: reasons by sensor
     cautions: tuple[str, ...]
     record: Record
     mode: Mode

@@ -28,15 +28,12 @@ _FEWEST_ON_TOP = 5  #: fewest rows by which the top of a peak is known: two more
 
 @dataclass(frozen=True)
 class Forecast:
-    """A mode, its ``answer`` without responses, and for each place in it the level whose fit is ``shown`` there.
-
-    ``is_steady``: whether rows are steady states, so that peaks of tested levels can be read from them.
-    """
+    """A mode, its ``answer`` without responses, and for each place in it the level whose fit is ``shown`` there."""
 
     mode: DrivenMode
     answer: ModeAnswer
     shown: tuple[Level, ...]
-    is_steady: bool
+    is_steady: bool  #: whether rows are steady states, so that peaks of tested levels can be read from them
 
 
 def find_input(level: Level, frequency: float) -> float:

@@ -125,18 +125,15 @@ _MOTIONS = {(0, 1, -order): name for name, order in ORDERS.items()}
 
 @dataclass(frozen=True)
 class Channel:
-    """A sensor of one run: ``name`` as in the file, ``quantity``, ``unit``, values (n,) in that unit.
-
-    ``per_drive``: values are ratios to the drive; ``at_drive``: measured at the force and along it; ``third``: third
-    harmonic of a tracked time history, with the phase relative to three times that of the drive.
-    """
+    """A sensor of one run: ``name`` as in the file, ``quantity``, ``unit``, values (n,) in that unit."""
 
     name: str
     quantity: str
     unit: str
     samples: Samples
-    per_drive: bool = False
-    at_drive: bool = False
+    per_drive: bool = False  #: values are ratios to the drive
+    at_drive: bool = False  #: measured at the force and along it
+    #: third harmonic of a tracked time history, with the phase relative to three times that of the drive
     third: Samples | None = None
 
     def scaled(self, factor: float) -> Channel:
@@ -146,11 +143,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class CampaignRun:
-    """One level: ``x`` (n,) Hz or s, the drive (n,) in ``drive_unit`` (None in a free decay) and its sensors.
-
-    ``rate`` (n,): sweep rate in Hz/s, if known. ``left_out``: sensors removed from the channels because of their
-    readings, with reasons. ``delay``: time in s by which all sensors lag the drive; channels are as in the file.
-    """
+    """One level: ``x`` (n,) Hz or s, the drive (n,) in ``drive_unit`` (None in a free decay) and its sensors."""
 
     label: str
     level: float | None
@@ -158,9 +151,10 @@ class CampaignRun:
     x: FloatArray
     drive: Samples | None
     channels: tuple[Channel, ...]
-    rate: FloatArray | None = None
+    rate: FloatArray | None = None  #: sweep rate in Hz/s, if known (n,)
+    #: sensors removed from the channels because of their readings, with reasons
     left_out: Mapping[str, str] = field(default_factory=dict)
-    delay: float = 0.0
+    delay: float = 0.0  #: time in s by which all sensors lag the drive; channels are as in the file
 
     @property
     def is_time(self) -> bool:

@@ -11,8 +11,7 @@ from damping.errors import InputError
 from damping.formats.quantity import unit
 
 DEAD = 0.02  #: a sensor is dead if it reads less than this share of the median sensor
-#: Least share of the mode in a sensor's motion at the mode's frequency, for the sensor to count.
-FOLLOWS = 0.9
+FOLLOWS = 0.9  #: least share of the mode in a sensor's motion at the mode's frequency, for the sensor to count
 #: A sensor that reads more of the base than this below resonance, where 1 is right, has a wrong unit or gain: half way
 #: between 2, of peak-to-peak values, and the third by which a fast sweep may be off.
 MISREAD = 1.6
@@ -37,8 +36,7 @@ UNITS[-2] = ("g", *(f"{length}/s^2" for length in UNITS[0]))
 #: Change of a sensor's gain between levels, relative to the others, from which it is left out: slipping joints change
 #: mode shapes by a few per cent.
 CHANGED = 0.1
-#: Least ratio of that change to the largest change of the other sensors.
-STANDS_OUT = 3.0
+STANDS_OUT = 3.0  #: least ratio of that change to the largest change of the other sensors
 
 
 def find_misread(levels: Sequence[Level], trusted: Collection[str] = ()) -> dict[str, str]:

@@ -175,15 +175,12 @@ def _list_runs(content: _Content) -> list[CampaignRun]:
 
 @dataclass(frozen=True)
 class _SweepRows:
-    """Rows of a sweep by rising frequency: ``x`` (n,) Hz, and values (n,) of every sensor and drive by name.
-
-    ``rate`` (n,): sweep rate, Hz/s, if known.
-    """
+    """Rows of a sweep by rising frequency: ``x`` (n,) Hz, and values (n,) of every sensor and drive by name."""
 
     label: str
     x: FloatArray
     values: Mapping[str, Samples]
-    rate: FloatArray | None = None
+    rate: FloatArray | None = None  #: sweep rate, Hz/s, if known (n,)
 
     def join(self, other: "_SweepRows") -> "_SweepRows":
         """The rows of both."""

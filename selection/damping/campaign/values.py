@@ -22,8 +22,7 @@ class Response:
 class At:
     """A mode at a level, ``tested`` or a design level; bands are (median, low, high), None if there is no prediction.
 
-    ``frequency_error`` (Hz) and ``ratio_error`` are standard errors, None if unknown. ``reached``: the input at the
-    mode, if the run was notched there and the input is not the level.
+    ``frequency_error`` (Hz) and ``ratio_error`` are standard errors, None if unknown.
     """
 
     level: float
@@ -32,7 +31,7 @@ class At:
     ratio: tuple[float, float, float] | None
     response: tuple[Response, ...]
     cautions: tuple[str, ...]
-    reached: float | None = None
+    reached: float | None = None  #: the input at the mode, if the run was notched there and the input is not the level
     frequency_error: float | None = None
     ratio_error: float | None = None
 
@@ -55,25 +54,20 @@ class At:
 
 @dataclass(frozen=True)
 class Notch:
-    """The notch that the limit of a sensor requires at one mode.
-
-    ``limit`` in the sensor's ``unit``; ``level`` is the largest input that keeps it, ``depth_db`` below the ``design``
-    level, from ``low`` to ``high`` Hz (None if no notch is needed). ``more_db``: largest step above ``tested``, the
-    top level at this mode, in dB. Levels are in ``drive_unit``.
-    """
+    """The notch that the limit of a sensor requires at one mode."""
 
     mode: str
     sensor: str
-    unit: str
-    limit: float
-    design: float
-    level: float
-    depth_db: float
-    low: float | None
-    high: float | None
-    more_db: float
-    tested: float
-    drive_unit: str = ""
+    unit: str  #: of the sensor
+    limit: float  #: in that unit
+    design: float  #: level
+    level: float  #: largest input that keeps the limit
+    depth_db: float  #: by which it is below the design level
+    low: float | None  #: frequency at which the notch begins, Hz; None if none is needed
+    high: float | None  #: at which it ends
+    more_db: float  #: largest step above the top level tested at this mode, dB
+    tested: float  #: that level
+    drive_unit: str = ""  #: of all levels
 
     def __str__(self) -> str:
         tested, design = (f"{level:.4g} {self.drive_unit}".rstrip() for level in (self.tested, self.design))
@@ -120,7 +114,6 @@ class SensorPrediction:
     """Peak of a sensor at a level of a mode of ``frequency`` Hz, as in the form ``campaign/1``.
 
     ``at_frequency`` (Hz) and damping ``ratio`` (median, low, high) of the mode at the level; None where not known.
-    ``level_unit``: '' where it is not stated.
     """
 
     frequency: float
@@ -131,4 +124,4 @@ class SensorPrediction:
     band: tuple[float, float, float]
     at_frequency: float | None = None
     ratio: tuple[float | None, ...] | None = None
-    level_unit: str = ""
+    level_unit: str = ""  #: '' where it is not stated

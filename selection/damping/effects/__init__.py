@@ -57,6 +57,7 @@ FOREIGN: dict[str, Effect] = {
         structure.NEIGHBOURS,
         received.FORCE_CELL,
         rig.SENSOR_MOUNT,
+        rig.GAIN_SLOPE,
         masses.VARYING_MASS,
         masses.OTHER_MASS,
         masses.OTHER_ADDED_MASS,

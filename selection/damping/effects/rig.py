@@ -214,6 +214,23 @@ BACKGROUND = Effect(
 )
 
 
+#: Largest power of frequency of a gain: three times that of an acceleration read as a displacement.
+_STEEPEST = 6.0
+
+GAIN_SLOPE: Effect = Effect(
+    name="gain-slope",
+    kind="instrument",
+    sentence="a gain that rises or falls with frequency (a filter, an amplifier, a table that tilts)",
+    # strength: |power|. Beside a resonance Y it is two effects at once: with x = omega/omega_n - 1 and the damping
+    # ratio d, Y = F/(2 K (i d - x)), and power x Y = -power F/(2 K) + i d power Y, a residual mode and a phase lag
+    forms=lambda scales: GAIN_SLOPE.either_sign(lambda power: {"power": power}, natural=1.0, largest=_STEEPEST),
+    simulate=lambda terms, table: terms.plus(
+        offset=lambda drive: table["power"] * np.log(drive.omega / terms.omega_n).astype(complex)
+    ),
+    need="sweep",
+)
+
+
 def mount_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: the part that resonates over the motion. Shapes: distance of its frequency, damping ratio, angle."""
     distance = spread_distance(scales, 0.2, (-1.0, 0.0, 1.0))

@@ -141,9 +141,8 @@ def extrapolate_loads(
         estimate: of marginal likelihoods.
         fresh: whether to draw afresh from laws of more than ``LEAST_WEIGHT`` (:func:`draw_fresh`).
 
-    Raises:
-        InputError: an invalid force or level, before any work.
-        AnalysisError: no candidate can carry the measured forces.
+    InputError: an invalid force or level, before any work.
+    AnalysisError: no candidate can carry the measured forces.
     """
     requested = check_loads(forces, level)
     if plan is None:

@@ -80,8 +80,7 @@ def plan_loads(
         mode: its mass shows whether the mode is bistable and whether a joint slips.
         estimate: of marginal likelihoods and posteriors.
 
-    Raises:
-        AnalysisError: no candidate can carry the measured forces.
+    AnalysisError: no candidate can carry the measured forces.
     """
     resonating = [law for law in laws if law.has_resonance]  # for a decay, friction alone may be ranked
     ranked = weigh_laws(data, seed, resonating or laws, done, estimate)

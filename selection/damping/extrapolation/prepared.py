@@ -28,8 +28,7 @@ def near_resonance(record: Record) -> Observations:
     Then rows between the half-power points are kept, |F cos(phase)| <= ``NEAR`` F sin(phase): beyond them the measured
     energy is mostly phase error. A sweep without such rows keeps the row nearest to resonance.
 
-    Raises:
-        AnalysisError: no row carries information about damping.
+    AnalysisError: no row carries information about damping.
     """
     data = observe(without_offset(record))
     cotangent = np.where(data.D > 0.0, data.R / np.where(data.D > 0.0, data.D, 1.0), np.inf)
@@ -120,8 +119,7 @@ class PreparedRecord:
 def prepare_record(record: Record, mode: Mode | None, findings: Audit) -> PreparedRecord:
     """Prepare a record for ranking and prediction; ``findings``: of its audit.
 
-    Raises:
-        AnalysisError: no row carries information about damping.
+    AnalysisError: no row carries information about damping.
     """
     measured = prepare(record, mode)
     all_rows, freed = observe_ranked(measured.record, findings)

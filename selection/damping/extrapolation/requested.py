@@ -15,9 +15,7 @@ _AMPLITUDES = {"force": "a force amplitude", "amplitude": "an amplitude"}
 def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = "force") -> np.ndarray:
     """The forces (or amplitudes, as named by ``what``) as an array (forces,).
 
-    Raises:
-        InputError: no force, a force that is not a number from ``SMALLEST`` to ``LARGEST``, or a level not within 0
-            and 1.
+    InputError: no force, a force that is not a number from ``SMALLEST`` to ``LARGEST``, or a level not within 0 and 1.
     """
     if _count_axes(forces) != 1 or len(forces) == 0:
         raise InputError(f"no list of {what}s", expected=f"{_AMPLITUDES[what]} > 0, or several")

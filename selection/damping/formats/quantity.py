@@ -15,10 +15,8 @@ from math import pi
 import pandas as pd
 
 from damping.arrays import INCH_M, POUND_FORCE_N, STANDARD_GRAVITY_M_S2
-from damping.effects import find_effect
 from damping.errors import InputError
-from damping.forces import shapes_of
-from damping.forces.shapes import rescale
+from damping.predict import rescale_mode
 from damping.records.mode import Mode, Units
 from damping.records.record import Record
 from damping.records.text import describe_shortened
@@ -230,11 +228,4 @@ def convert_mode(mode: Mode, by: Factors, to: str) -> Mode:
 
     InputError: an unknown force or effect.
     """
-    force, length = SYSTEMS[to]
-    damping = {name: rescale(shapes_of(name), table, name, by.force, by.length) for name, table in mode.damping.items()}
-    effects = {
-        name: rescale(find_effect(name).shapes, table, name, by.force, by.length)
-        for name, table in mode.effects.items()
-    }
-    units = Units(force, length, "s")
-    return replace(mode, mass=mode.mass * by.of(1, -1), units=units, damping=damping, effects=effects)
+    return replace(rescale_mode(mode, by.force, by.length), units=Units(*SYSTEMS[to], "s"))

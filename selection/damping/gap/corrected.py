@@ -196,19 +196,14 @@ def corrected_mode(fit: ModelFit) -> Mode:
 
 @dataclass(frozen=True)
 class EffectPosterior:
-    """Draws of the explanation's parameters.
+    """Draws of the explanation's parameters."""
 
-    Attributes:
-        names: parameters as ``effect: parameter`` (``simulation: parameter``: relative to nominal).
-        draws: (draws, names).
-        log_evidence, standard_error: by importance sampling. chains: the run and its convergence.
-    """
-
-    names: tuple[str, ...]
-    draws: FloatArray
+    names: tuple[str, ...]  #: parameters as ``effect: parameter`` (``simulation: parameter``: relative to nominal)
+    draws: FloatArray  #: (draws, names)
+    #: ``log_evidence``, ``standard_error``: by importance sampling
     log_evidence: float
     standard_error: float
-    chains: Chains
+    chains: Chains  #: the run and its convergence
 
     @property
     def cautions(self) -> tuple[str, ...]:

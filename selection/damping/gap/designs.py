@@ -23,22 +23,17 @@ THIRD = ("amplitude_3", "phase_3")
 
 @dataclass(frozen=True)
 class ProposedTest:
-    """A test that could be made next: ``what`` it is, ``why`` it discriminates, ``columns`` beside those of a sweep.
-
-    ``width``: of the sweep over that of the record, 0 for the vicinity of resonance. ``factor``: on the highest force,
-    or on the ``lowest``. ``heavier``: added mass over the modal mass. ``channel``: further channel that is measured.
-    ``change``: change of the terms of any hypothesis in this test.
-    """
+    """A test that could be made next: ``what`` it is, ``why`` it discriminates, ``columns`` beside those of a sweep."""
 
     what: str
     why: str
     columns: tuple[str, ...] = ()
-    width: float = 1.0
-    factor: float = 1.0
+    width: float = 1.0  #: of the sweep over that of the record, 0 for the vicinity of resonance
+    factor: float = 1.0  #: on the highest force, or on the ``lowest``
     lowest: bool = False
-    heavier: float = 0.0
-    channel: str = ""
-    change: Callable[[Terms], Terms] = lambda terms: terms
+    heavier: float = 0.0  #: added mass over the modal mass
+    channel: str = ""  #: further channel that is measured
+    change: Callable[[Terms], Terms] = lambda terms: terms  #: change of the terms of any hypothesis in this test
 
     def joins(self, other: "ProposedTest") -> bool:
         """Whether both can be rows of one table, since a change of the terms holds for all, and are different runs."""

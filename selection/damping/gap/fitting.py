@@ -41,24 +41,18 @@ _APART = 3.0  #: Deviation of a sweep, in units of repeatability, beyond which i
 
 @dataclass
 class Fits:
-    """The hypotheses of a problem, fitted on demand and kept.
+    """The hypotheses of a problem, fitted on demand and kept."""
 
-    Attributes:
-        problem, effects: the record with its simulation, and the library. unknown: candidates of scatter and noise.
-        hypotheses: fitted ones, by effects. units: the strength of each form at which its gap equals the noise.
-        choices: number of effects a further one is chosen from; if 0, the number that the record can show.
-        done: reports each hypothesis that was fitted.
-        forms: forms of each effect that the record can show.
-    """
-
+    #: ``problem``, ``effects``: the record with its simulation, and the library
     problem: Problem
     effects: Mapping[str, Effect]
-    unknown: Unknowns
-    hypotheses: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
+    unknown: Unknowns  #: candidates of scatter and noise
+    hypotheses: dict[frozenset[str], Hypothesis] = field(default_factory=dict)  #: fitted ones, by effects
+    #: the strength of each form at which its gap equals the noise
     units: dict[Form, float] = field(default_factory=dict)
-    choices: int = 0
-    done: Callable[[str], None] = nothing
-    forms: dict[str, tuple[Form, ...]] = field(init=False)
+    choices: int = 0  #: number of effects a further one is chosen from; if 0, the number that the record can show
+    done: Callable[[str], None] = nothing  #: reports each hypothesis that was fitted
+    forms: dict[str, tuple[Form, ...]] = field(init=False)  #: forms of each effect that the record can show
 
     def __post_init__(self) -> None:
         rows = self.problem.rows

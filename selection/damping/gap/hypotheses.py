@@ -52,22 +52,15 @@ class Start:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """Effects with their best fit.
+    """Effects with their best fit."""
 
-    Attributes:
-        effects: names, in the order found; empty for the simulation alone. best: the mode of largest evidence.
-        plain: the best mode before scatter and noise were chosen, where scatter cannot hide the gap of an effect.
-        others: the best plain modes of other forms that are about as good.
-        log_evidence: natural logarithm, averaged over forms (and scatters, where they are not stated).
-        log_posterior: log_evidence plus ln of the prior of the effects, not normalised.
-    """
-
-    effects: tuple[str, ...]
-    best: ModelFit
+    effects: tuple[str, ...]  #: names, in the order found; empty for the simulation alone
+    best: ModelFit  #: the mode of largest evidence
+    #: the best mode before scatter and noise were chosen, where scatter cannot hide the gap of an effect
     plain: ModelFit
-    others: tuple[ModelFit, ...]
-    log_evidence: float
-    log_posterior: float
+    others: tuple[ModelFit, ...]  #: the best plain modes of other forms that are about as good
+    log_evidence: float  #: natural logarithm, averaged over forms (and scatters, where they are not stated)
+    log_posterior: float  #: log_evidence plus ln of the prior of the effects, not normalised
 
     @property
     def near(self) -> tuple[ModelFit, ...]:

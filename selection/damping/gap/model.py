@@ -48,17 +48,13 @@ _CONVERGED = 1e-10
 
 @dataclass(frozen=True)
 class Scatter:
-    """Repeatability: relative standard deviations of gain and frequency from sweep to sweep; and factors on noise.
-
-    ``noise``: actual over estimated noise. ``dispersion``: residuals of even the best explanation over noise.
-    ``correlation``: of the errors of neighbouring rows.
-    """
+    """Repeatability: relative standard deviations of gain and frequency from sweep to sweep; and factors on noise."""
 
     amplitude: float
     frequency: float
-    noise: float = 1.0
-    dispersion: float = 1.0
-    correlation: float = 0.0
+    noise: float = 1.0  #: actual over estimated noise
+    dispersion: float = 1.0  #: residuals of even the best explanation over noise
+    correlation: float = 0.0  #: of the errors of neighbouring rows
 
     @property
     def factor(self) -> float:
@@ -118,17 +114,13 @@ class Sensitivity(NamedTuple):
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals r (batch, m) in units of noise, amplitudes first.
-
-    ``sensitivity``: to changes of the ``prediction``, whose steady ln amplitude u* is ``motion``. ``stride``: of the
-    models in the batch that have a derivative by ln omega_n.
-    """
+    """Residuals r (batch, m) in units of noise, amplitudes first."""
 
     r: FloatArray
-    sensitivity: Sensitivity
+    sensitivity: Sensitivity  #: to changes of the ``prediction``, whose steady ln amplitude u* is ``motion``
     prediction: Prediction
     motion: FloatArray
-    stride: int = 1
+    stride: int = 1  #: of the models in the batch that have a derivative by ln omega_n
 
     def by_sweep(self) -> tuple[FloatArray, FloatArray]:
         """Derivatives by ln of the gain and of omega_n, (batch/k, m) each, of models 0, k, 2k ..., k = ``stride``."""

@@ -107,14 +107,11 @@ class _Run:
 
 @dataclass(frozen=True)
 class _Missed:
-    """Misfit of a rival to m values in units of their noise, at its k fitted parameters.
+    """Misfit of a rival to m values in units of their noise, at its k fitted parameters."""
 
-    ``r``: misfit (m,). ``J``: its derivatives (k, m). ``noise``: covariance (m, m), with the run's repeatability.
-    """
-
-    r: FloatArray
-    J: FloatArray
-    noise: FloatArray
+    r: FloatArray  #: misfit (m,)
+    J: FloatArray  #: its derivatives (k, m)
+    noise: FloatArray  #: covariance (m, m), with the run's repeatability
 
 
 def rank_tests(

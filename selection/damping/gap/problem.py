@@ -39,19 +39,14 @@ _CONSTANT = 0.05  #: Largest range of ln amplitude of a sweep that a controller 
 
 @dataclass(frozen=True)
 class Setting:
-    """A problem with its noise and repeatability.
-
-    Attributes:
-        scatter: repeatability from sweep to sweep as stated; None where it is to be estimated.
-        amplitude_noise, phase_noise: whether the record states them.
-        dispersion: residuals of the best explanation over noise, 1 where it fits.
-    """
+    """A problem with its noise and repeatability."""
 
     problem: Problem
-    scatter: Scatter | None
+    scatter: Scatter | None  #: repeatability from sweep to sweep as stated; None where it is to be estimated
+    #: ``amplitude_noise``, ``phase_noise``: whether the record states them
     amplitude_noise: bool
     phase_noise: bool
-    dispersion: float = 1.0
+    dispersion: float = 1.0  #: residuals of the best explanation over noise, 1 where it fits
 
     @property
     def noise_error(self) -> float:
@@ -111,8 +106,7 @@ def setting(
         simulate: the user's own simulation.
         shaken, groups: of each state, see `damping.gap.states.Driven`; empty where forces drive all.
 
-    Raises:
-        AnalysisError: states that simulate different damping forces.
+    AnalysisError: states that simulate different damping forces.
     """
     rows = [stated_noise(read_rows(measured, state)) for measured, state in ((record, mode), *states)]
     if shaken:

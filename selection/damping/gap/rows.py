@@ -34,28 +34,19 @@ SAME_STIFFNESS = 1e-3
 class PhasorRows(SweepRows):
     """The phasor of every row, by sweep and within a sweep by frequency; arrays of shape (rows,) unless stated.
 
-    Attributes:
-        row: row of the record. levels: number of the force level of each sweep, (sweeps,), lowest first; repeats of one
-            level share it. u: ln of the amplitude. phase: lag, rad (pi/2 where none was measured).
-        F, mass, resonant, time, label, up, rate, added, state, ratio, own, shaken: see `Drive` (``label`` is its
-            ``sweep``: the number in the whole record, from 1). A row is ``resonant`` if it is its whole sweep and the
-            record has no phases.
-        sd_amplitude: that of the force included; sd_phase: ``UNSEEN`` where no phase was measured. Both are the noise
-            once `damping.gap.unknowns.stated_noise` has filled what is not stated.
-        third, cross: phasors of the third harmonic, and of the motion across the measured axis, relative to the phase
-            of the force; sd_third, sd_cross: their noise, ``UNSEEN`` where not measured.
-        has_phase: whether phases are compared. channels: further phasors compared, of ``third`` and ``cross``.
+    ``sd_amplitude``, with that of the force, and ``sd_phase``, ``UNSEEN`` where no phase was measured, are the noise
+    once `damping.gap.unknowns.stated_noise` has filled what is not stated.
     """
 
-    row: IntArray
-    levels: IntArray
-    F: FloatArray
-    u: FloatArray
-    phase: FloatArray
+    row: IntArray  #: row of the record
+    levels: IntArray  #: number of the force level of each sweep, (sweeps,), lowest first; repeats of one level share it
+    F: FloatArray  #: as of a `Drive`, like all below that have no remark
+    u: FloatArray  #: ln of the amplitude
+    phase: FloatArray  #: lag, rad (pi/2 where none was measured)
     mass: FloatArray
-    resonant: BoolArray
+    resonant: BoolArray  #: whether it is its whole sweep and the record has no phases
     time: FloatArray
-    label: FloatArray
+    label: FloatArray  #: ``sweep`` of a `Drive`: its number in the whole record, from 1
     up: FloatArray
     rate: FloatArray
     added: FloatArray
@@ -63,12 +54,12 @@ class PhasorRows(SweepRows):
     ratio: FloatArray
     own: FloatArray
     shaken: FloatArray
-    third: ComplexArray
-    cross: ComplexArray
-    sd_third: FloatArray
-    sd_cross: FloatArray
-    has_phase: bool
-    channels: tuple[str, ...] = ()
+    third: ComplexArray  #: phasor of the third harmonic, relative to the phase of the force
+    cross: ComplexArray  #: that of the motion across the measured axis
+    sd_third: FloatArray  #: its noise, ``UNSEEN`` where not measured
+    sd_cross: FloatArray  #: likewise
+    has_phase: bool  #: whether phases are compared
+    channels: tuple[str, ...] = ()  #: further phasors compared, of ``third`` and ``cross``
     PER_SWEEP = ("levels",)
 
     @property
@@ -188,8 +179,7 @@ def join_states(states: Sequence[tuple[PhasorRows, Mode]]) -> PhasorRows:
 
     States of one stiffness differ by a known mass, from which their frequencies follow.
 
-    Raises:
-        AnalysisError: states with damping forces that the first one does not simulate.
+    AnalysisError: states with damping forces that the first one does not simulate.
     """
     (first, base), *_ = states
     if len(states) == 1:

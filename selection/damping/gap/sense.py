@@ -32,8 +32,7 @@ NEARER = 0.5
 def check_sense(simulator: Simulator, record: Record) -> tuple[str, ...]:
     """Audit the answer of a simulation to the forces and frequencies of a record; cautions on its unit of frequency.
 
-    Raises:
-        InputError: two answers to one call, units other than the mode's, a phase that is no lag in radians.
+    InputError: two answers to one call, units other than the mode's, a phase that is no lag in radians.
     """
     asked = record.frame.drop_duplicates(["sweep", "force", "frequency"], ignore_index=True)
     force, frequency = asked[["force", "frequency"]].to_numpy(dtype=np.float64).T

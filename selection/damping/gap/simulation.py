@@ -168,24 +168,20 @@ class Simulator:
 
     Z = F exp(i phase)/A is smooth in the parameters even where the resonance is not. Z is evaluated at the nominal
     values and, for differences, one tolerance away in each.
-
-    Attributes:
-        function: the simulation. values, tolerances: of its parameters by name, tolerances relative. mode: stands for
-            it where an effect needs a mass, a frequency, a damping.
     """
 
-    function: Simulate
+    function: Simulate  #: the simulation
+    #: ``values``, ``tolerances``: of its parameters by name, tolerances relative
     values: Mapping[str, float]
     tolerances: Mapping[str, float]
-    mode: Mode
+    mode: Mode  #: stands for it where an effect needs a mass, a frequency, a damping
     _known: dict[tuple[bytes, bytes], tuple[ComplexArray, ComplexArray]] = field(default_factory=dict, compare=False)
 
     @staticmethod
     def read(function: Simulate, mode: Mode) -> Simulator:
         """The simulator of a function whose keyword parameters have defaults (value, relative tolerance).
 
-        Raises:
-            InputError: another signature, a value that is not finite or varies as a share of 0, a tolerance below 0.
+        InputError: another signature, a value that is not finite or varies as a share of 0, a tolerance below 0.
         """
         if not callable(function):
             given = f"the simulator is of type {type(function).__name__}"
@@ -251,8 +247,7 @@ class Simulator:
     ) -> tuple[FloatArray, FloatArray]:
         """Amplitude and phase of the simulation with some parameters changed, at forces and frequencies in Hz (n,).
 
-        Raises:
-            InputError: the function fails, or does not return an amplitude and a phase for every row.
+        InputError: the function fails, or does not return an amplitude and a phase for every row.
         """
         expected = "(amplitude, phase), one number each per row"
         moved = "".join(f" with {name} = {value:.6g}" for name, value in changed.items())

@@ -32,16 +32,12 @@ _FAILED = 0.5
 
 @dataclass(frozen=True)
 class Gap:
-    """Root mean squares (1 = noise alone) and the share of the gap that the leading explanation closes.
+    """Root mean squares (1 = noise alone) and the share of the gap that the leading explanation closes."""
 
-    Attributes:
-        nominal: the simulation as given. before: refitted within its tolerance. after: with the explanation.
-        shrinkage: 1 - max(after^2 - 1, 0)/(before^2 - 1); None where before^2 - 1 is within its sampling error.
-    """
-
-    nominal: float
-    before: float
-    after: float
+    nominal: float  #: the simulation as given
+    before: float  #: refitted within its tolerance
+    after: float  #: with the explanation
+    #: 1 - max(after^2 - 1, 0)/(before^2 - 1); None where before^2 - 1 is within its sampling error
     shrinkage: float | None
 
 

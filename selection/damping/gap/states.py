@@ -25,21 +25,16 @@ from damping.records.record import Record
 
 @dataclass(frozen=True)
 class Driven:
-    """States under force excitation.
+    """States under force excitation."""
 
-    Attributes:
-        states: each record with its mode, in one ``unit`` of mass (that of the files: 1).
-        shaken: mass of the structure without added masses on which the base acceleration acts, for each row of each
-            record; 0 where a force drives.
-        groups: numbers of the states that share a participation which is a free parameter.
-        notes: participations used, in words.
-    """
-
-    states: tuple[State, ...]
+    states: tuple[State, ...]  #: each record with its mode, in one ``unit`` of mass (that of the files: 1)
+    #: mass of the structure without added masses on which the base acceleration acts, for each row of each record; 0
+    #: where a force drives
     shaken: tuple[FloatArray, ...]
     unit: float = 1.0
+    #: numbers of the states that share a participation which is a free parameter
     groups: tuple[tuple[int, ...], ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  #: participations used, in words
 
 
 def drive_by_forces(states: Sequence[State], *, simulated: bool = False) -> Driven:
@@ -47,8 +42,7 @@ def drive_by_forces(states: Sequence[State], *, simulated: bool = False) -> Driv
 
     ``simulated``: whether the simulation is a user's function of force and frequency alone.
 
-    Raises:
-        AnalysisError: a simulator beside several states or added masses, one of them on a base.
+    AnalysisError: a simulator beside several states or added masses, one of them on a base.
     """
     shaken = [number for number, (_, mode) in enumerate(states) if mode.drive == "base"]
     if not shaken:

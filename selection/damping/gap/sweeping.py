@@ -49,9 +49,8 @@ def simulate_sweeps(
     (first-harmonic averages) or ``time`` (integration in time to the steady state). For a base-driven model ``forces``
     are accelerations a, which act as M a: a participation of 1.
 
-    Raises:
-        InputError: an invalid argument, before any work.
-        AnalysisError: an effect that ``method`` cannot simulate, or no steady state somewhere in a sweep.
+    InputError: an invalid argument, before any work.
+    AnalysisError: an effect that ``method`` cannot simulate, or no steady state somewhere in a sweep.
     """
     _check(forces, frequencies, direction, method)
     order = frequencies if direction == "up" else frequencies[::-1]
@@ -95,8 +94,7 @@ def _check(forces: Sequence[float], frequencies: FloatArray, direction: str, met
 def simulated_force(mode: Mode) -> Force:
     """The forces of a model for integration in time: its damping, and those that its effects add.
 
-    Raises:
-        AnalysisError: an effect that is no force, and so cannot be integrated.
+    AnalysisError: an effect that is no force, and so cannot be integrated.
     """
     added: list[Force] = []
     for name, table in mode.effects.items():
@@ -145,8 +143,7 @@ def swept(mode: Mode, F: float, omega: FloatArray, direction: Literal["up", "dow
 
     F is the recorded force. NaN where there is no stable steady state.
 
-    Raises:
-        InputError: an unknown effect, or an invalid table of one.
+    InputError: an unknown effect, or an invalid table of one.
     """
     fine, between = finely(np.asarray(omega, dtype=float))
     return followed(states(_simulate_terms(mode), F, fine), between, direction)

@@ -149,18 +149,13 @@ def _fill(sd: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Candidates of scatter, correlation and noise with prior probabilities; one of each where all are stated.
+    """Candidates of scatter, correlation and noise with prior probabilities; one of each where all are stated."""
 
-    Attributes:
-        scatters: candidates (amplitude, frequency). correlations: of neighbours. noises: factors on the noise.
-        log_prior: ln prior probabilities, (scatters, correlations, noises). first: the start of a search.
-    """
-
-    scatters: tuple[tuple[float, float], ...]
-    correlations: tuple[float, ...]
-    noises: tuple[float, ...]
-    log_prior: FloatArray
-    first: Scatter
+    scatters: tuple[tuple[float, float], ...]  #: candidates (amplitude, frequency)
+    correlations: tuple[float, ...]  #: of neighbours
+    noises: tuple[float, ...]  #: factors on the noise
+    log_prior: FloatArray  #: ln prior probabilities, (scatters, correlations, noises)
+    first: Scatter  #: the start of a search
 
     def scatter(self, index: int) -> Scatter:
         """The candidate of a flat index."""

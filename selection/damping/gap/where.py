@@ -136,16 +136,12 @@ class LocalEstimate:
 
 @dataclass(frozen=True)
 class PowerTrend:
-    """Dependence of an estimate on amplitude, as A^``power``.
-
-    ``gain``: chi-square of a constant less that of the power. ``change``: of the estimate from the smallest to the
-    largest amplitude. ``share``: gain over the chi-square of a constant.
-    """
+    """Dependence of an estimate on amplitude, as A^``power``."""
 
     power: float
-    gain: float
-    change: float
-    share: float = 1.0
+    gain: float  #: chi-square of a constant less that of the power
+    change: float  #: of the estimate from the smallest to the largest amplitude
+    share: float = 1.0  #: gain over the chi-square of a constant
 
 
 def local_estimates(rows: PhasorRows, mode: Mode) -> tuple[LocalEstimate, ...]:

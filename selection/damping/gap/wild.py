@@ -3,6 +3,8 @@
 A residual is N(0, 1), or with probability ``WILD`` a wild point, N(0, ``WIDE``^2) (Box and Tiao 1968).
 """
 
+from math import comb
+
 import numpy as np
 from scipy.special import erfc
 
@@ -21,7 +23,7 @@ MOST_WILD = 0.05
 _FEW_WILD = 2.0
 #: Three wild neighbours occur by chance in one of 2000 sweeps of 60 rows; two in one of 40.
 _NEIGHBOURS = 3
-#: A wild amplitude at the peak of a sweep is no stray reading if one as large there is less probable than this.
+#: Wild amplitudes at the peak of a sweep, or at one frequency, are no stray readings if less probable than this.
 _BY_CHANCE = 0.003
 
 
@@ -50,7 +52,8 @@ def find_pattern(rows: PhasorRows, r: FloatArray, wild: BoolArray, sd_amplitude:
 
     Stray readings are few and lie at random places. Three wild neighbours in a sweep are not stray. Nor is a wild
     amplitude at the peak of its sweep, where a sensor clips, unless chance puts one as large there in at least one
-    record of 300.
+    record of 300. Nor are those at one frequency in several sweeps (a line, a beat, a first row before the rig has
+    settled), at the same odds.
 
     Args:
         r: residuals (m,).
@@ -71,4 +74,22 @@ def find_pattern(rows: PhasorRows, r: FloatArray, wild: BoolArray, sd_amplitude:
     chance = min(1.0, by_quantity[0].sum() * len(peaks) / n)
     if any(by_quantity[0][k] and chance * erfc(abs(r[k]) / (WIDE * np.sqrt(2.0))) < _BY_CHANCE for k in peaks):
         return "at the peak of a sweep, too far to be there by chance"
-    return ""
+    repeated = _count_repeats(rows, wild_rows)
+    return f"at one frequency in {repeated} sweeps, too many to be stray" if repeated else ""
+
+
+def _count_repeats(rows: PhasorRows, wild_rows: BoolArray) -> int:
+    """Most sweeps with a wild row at one frequency, to half the distance of rows; 0 where chance explains as many.
+
+    Of p wild rows, k of L sweeps have one at some of n frequencies by chance in at most n binomial(L, k) p^k records.
+    """
+    share, sweeps = float(wild_rows.mean()), len(rows.runs)
+    wild_at, within, of = list[float](), list[float](), list[int]()
+    for number, run in enumerate(rows.runs):
+        step = np.concatenate([[np.inf], np.abs(np.diff(rows.omega[run])), [np.inf]])
+        within += (0.5 * np.minimum(step[1:], step[:-1])[wild_rows[run]]).tolist()
+        wild_at += rows.omega[run][wild_rows[run]].tolist()
+        of += [number] * int(wild_rows[run].sum())
+    at, owner = np.array(wild_at), np.array(of)
+    most = max((len(set(owner[np.abs(at - here) <= half])) for here, half in zip(at, within, strict=True)), default=0)
+    return most if max(map(len, rows.runs)) * comb(sweeps, most) * share**most < _BY_CHANCE else 0

@@ -90,8 +90,7 @@ def build_force(law: Law, coefficients: FloatArray, shapes: Sequence[Mapping[str
 def fit_law(law: Law, data: Observations) -> BestFit:
     """The best fit of a law (:func:`fit_laws`).
 
-    Raises:
-        AnalysisError: a part of the law is never met at the tested amplitudes.
+    AnalysisError: a part of the law is never met at the tested amplitudes.
     """
     fit = fit_laws([law], data)[0]
     if isinstance(fit, AnalysisError):

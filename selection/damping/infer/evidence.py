@@ -59,8 +59,7 @@ def evidence(
         floor: ln of a marginal likelihood below which a law does not matter.
         wanted: effective draws, by default enough for the digits that are shown.
 
-    Raises:
-        AnalysisError: the law cannot carry the measured forces.
+    AnalysisError: the law cannot carry the measured forces.
     """
     posterior = Balanced.of(coordinates, data)
     starts = list_starts(posterior, start_at(fit or fit_law(coordinates.law, data), coordinates))
@@ -121,8 +120,7 @@ def find_modes(log_density: LogDensity, fitted: FloatArray, anywhere: FloatArray
     Returns:
         The modes (k, d), and the inverse Hessians there (k, d, d), no wider than the prior.
 
-    Raises:
-        AnalysisError: every point is impossible.
+    AnalysisError: every point is impossible.
     """
 
     def negative(x: FloatArray) -> FloatArray:

@@ -47,9 +47,8 @@ LARGEST_SCORE = 3.0
 class Law:
     """A candidate: a sum of components. Two laws with the same components are the same law.
 
-    Raises:
-        InputError: a component that is neither a force nor an energy term (the message names the nearest one), or text
-            in the place of a list.
+    InputError: a component that is neither a force nor an energy term (the message names the nearest one), or text in
+    the place of a list.
     """
 
     components: tuple[str, ...]

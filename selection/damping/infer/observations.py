@@ -138,8 +138,7 @@ def observe(record: Record) -> Observations:
     record. Rows without energy (no phase and not at resonance) are left out. A constant phase offset found by
     :func:`damping.records.resonance.tabulate_resonances` is not removed here: ``D`` is the measured value.
 
-    Raises:
-        AnalysisError: no row says anything about damping, or there are too many.
+    AnalysisError: no row says anything about damping, or there are too many.
     """
     rows, A, force = read_sweep_rows(record), record.column("amplitude"), record.column("force")
     if len(rows) > MOST_ROWS or len(rows.sweeps) > MOST_SWEEPS:

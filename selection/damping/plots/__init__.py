@@ -64,20 +64,16 @@ def _describe_scale(axes: Axes, figure: Figure, which: str) -> dict[str, Any] | 
     return {"name": name, "low": low, "high": high, "log": kind == "log"}
 
 
-#: Width of the text of an A4 page, inches (17 cm).
-TEXT_WIDTH = 6.7
+TEXT_WIDTH = 6.7  #: width of the text of an A4 page, inches (17 cm)
 #: Width of a figure, inches: read on a telephone without scrolling, and two stand side by side elsewhere.
 WIDTH = 4.8
-#: Labels beside points: more hide the points.
-MOST_LABELS = 40
+MOST_LABELS = 40  #: labels beside points: more hide the points
 #: Texts and axes.
 INK = "#1f2328"
 #: Texts of less weight: 5.9 to 1 against white, above the 4.5 that small text needs (WCAG 2.1).
 MUTED = "#5c6670"
-#: A label beside a bar.
-BESIDE: Any = {"textcoords": "offset points", "va": "center", "fontsize": 7.5}
-#: Dots per inch of a figure on a page in Markdown.
-PAGE_DPI = 130
+BESIDE: Any = {"textcoords": "offset points", "va": "center", "fontsize": 7.5}  #: a label beside a bar
+PAGE_DPI = 130  #: dots per inch of a figure on a page in Markdown
 #: Lines of the grid.
 GRIDLINE = "#e3e6e9"
 #: Measured values.

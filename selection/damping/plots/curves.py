@@ -19,10 +19,8 @@ from damping import plots as look
 from damping.plots import build_panel, build_panels, describe_short, describe_with_unit, distinguish, law_style, styled
 from damping.records.text import count
 
-#: The median within the test.
-_MEDIAN: Any = {"color": look.AVERAGE, "linewidth": 2.2}
-#: The same beyond it.
-_MEDIAN_BEYOND: Any = _MEDIAN | {"linestyle": (0, (4, 1.5))}
+_MEDIAN: Any = {"color": look.AVERAGE, "linewidth": 2.2}  #: the median within the test
+_MEDIAN_BEYOND: Any = _MEDIAN | {"linestyle": (0, (4, 1.5))}  #: the same beyond it
 #: The prediction of linear damping beyond the test.
 _LINEAR: Any = {"color": look.LINEAR, "linewidth": 1.4, "linestyle": (0, (7, 2))}
 
@@ -121,12 +119,9 @@ def _build_measured_mark(n: int) -> Artist:
     return Line2D([], [], marker="o", color=look.MEASURED, linestyle="", label=f"measured (n = {n})")
 
 
-#: Sweeps named beside their curves; more hide them.
-MOST_NAMED = 6
-#: Width of a letter of a name beside a tested point, as a share of the axes.
-LETTER_WIDTH = 0.014
-#: Height of such a name, as a share of the axes.
-NAME_HEIGHT = 0.05
+MOST_NAMED = 6  #: sweeps named beside their curves; more hide them
+LETTER_WIDTH = 0.014  #: width of a letter of a name beside a tested point, as a share of the axes
+NAME_HEIGHT = 0.05  #: height of such a name, as a share of the axes
 
 
 @styled

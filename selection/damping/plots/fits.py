@@ -48,8 +48,7 @@ def deviations_figure(
     return cast(Figure, panels[0].figure)
 
 
-#: Frequencies along the axis, at most: of resonances alone they have six digits.
-MOST_TICKS = 5
+MOST_TICKS = 5  #: frequencies along the axis, at most: of resonances alone they have six digits
 
 
 @styled
@@ -68,8 +67,7 @@ def sweeps(table: pd.DataFrame, doubted: Collection[str] = (), *, axes: Axes | N
     return figure
 
 
-#: Letters of a line of a law's name beside its bar: the bars have the rest of the width.
-MOST_LETTERS = 24
+MOST_LETTERS = 24  #: letters of a line of a law's name beside its bar: the bars have the rest of the width
 #: Errors below this many per cent are drawn at it: a law with as many parameters as points errs by rounding only.
 SMALLEST = 0.01
 
@@ -141,8 +139,7 @@ _LETTERS_ALONG = 70
 #: Room for numbers and a name of two lines below the lowest panels, and for each further line there and beside, inches.
 _BELOW = 0.8
 _LINE = 0.13
-#: Room for a title of two lines above the highest, inches.
-_ABOVE = 0.38
+_ABOVE = 0.38  #: room for a title of two lines above the highest, inches
 
 
 @styled
@@ -235,10 +232,8 @@ def _wrap_parameter(label: str, letters: int) -> str:
     return "\n".join([*wrap(name, letters), *(f"({own}" for own in unit)])
 
 
-#: Letters of a law's name beside a row of a panel.
-_LETTERS_BESIDE = 22
-#: Panels beside one another.
-_COLUMNS = 3
+_LETTERS_BESIDE = 22  #: letters of a law's name beside a row of a panel
+_COLUMNS = 3  #: panels beside one another
 
 
 @styled

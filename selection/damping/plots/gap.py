@@ -13,8 +13,7 @@ from damping.plots import build_panel, build_panels, describe_with_unit, draw_pl
 from damping.plots.given import count_rows, name_rows
 from damping.records.text import format_share
 
-#: Marks of the colour bar, in units of noise.
-_TICKS = [-1000, -100, -10, -2, 0, 2, 10, 100, 1000]
+_TICKS = [-1000, -100, -10, -2, 0, 2, 10, 100, 1000]  #: marks of the colour bar, in units of noise
 #: Steps between marks of frequency over the width of a figure: numbers of five figures stand apart.
 _MOST_STEPS = 5
 
@@ -53,8 +52,7 @@ MODELS = {
     "refitted": (look.MUTED, "-", "refitted within its tolerance"),
     "explained": (look.ALERT, "-", "with the explanation"),
 }
-#: Sweeps beside one another.
-_PER_ROW = 2
+_PER_ROW = 2  #: sweeps beside one another
 
 
 def _draw_models(ax: Axes, curves: pd.DataFrame, x: str, y: str) -> None:

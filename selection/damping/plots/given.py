@@ -18,17 +18,14 @@ from damping.records.text import describe_shortened
 #: Height of a row, a bar below its name, and mean width of a letter of the name, points.
 _ROW = 24.0
 _LETTER = 4.7
-#: Size of the names, points.
-_SIZE = 8.0
-#: Rows at most: those that follow have no probability that a bar would show.
-_MOST = 10
+_SIZE = 8.0  #: size of the names, points
+_MOST = 10  #: rows at most: those that follow have no probability that a bar would show
 #: A bar's middle below the middle of its row, and its height, in rows.
 _BELOW = 0.22
 _THICK = 0.36
 #: Relative luminance of a ground on which black and white stand out alike (WCAG 2.1: (L + .05)^2 = .05 * 1.05).
 _DARK = 0.179
-#: Share of red, green and blue in luminance.
-_LUMINOUS = (0.2126, 0.7152, 0.0722)
+_LUMINOUS = (0.2126, 0.7152, 0.0722)  #: share of red, green and blue in luminance
 #: Colours that artists have.
 _COLOURS = ("color", "facecolor", "edgecolor", "markerfacecolor", "markeredgecolor")
 
@@ -76,8 +73,7 @@ def drawn_on(axes: Axes, style: Mapping[Any, Any], palette: Collection[str]) -> 
     On a dark background the lightness L of each colour of the ``palette``, which is made for a light one, becomes
     1 - L: lines are light, the area beyond the test is dark, and hues stay.
 
-    Raises:
-        InputError: as `check_axes`.
+    InputError: as `check_axes`.
     """
     check_axes(axes)
     before = set(axes.get_children())

@@ -71,7 +71,11 @@ def count_in(mode: Mode, participation: Participation) -> Mode:
 
 def in_unit(mode: Mode, unit: float) -> Mode:
     """A force-driven mode with mass, damping and effects divided by ``unit``."""
-    by = 1.0 / unit
-    damping = {name: rescale(shapes_of(name), table, name, by) for name, table in mode.damping.items()}
-    effects = {name: rescale(find_effect(name).shapes, table, name, by) for name, table in mode.effects.items()}
-    return replace(mode, drive="force", mass=mode.mass * by, damping=damping, effects=effects)
+    return replace(rescale_mode(mode, 1.0 / unit), drive="force")
+
+
+def rescale_mode(mode: Mode, force: float, length: float = 1.0) -> Mode:
+    """The numbers of a mode in new units, of which ``force`` make an old unit of force and ``length`` of length."""
+    damping = {name: rescale(shapes_of(name), of, name, force, length) for name, of in mode.damping.items()}
+    effects = {name: rescale(find_effect(name).shapes, of, name, force, length) for name, of in mode.effects.items()}
+    return replace(mode, mass=mode.mass * (force * length**-1.0), damping=damping, effects=effects)

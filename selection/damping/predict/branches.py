@@ -22,11 +22,9 @@ from damping.predict.steady import SteadyState, balance, bisect, bracketed_newto
 
 #: Amplitudes searched, in units of the static deflection F/K: 16 decades, 60 points in each.
 _GRID = np.linspace(-8.0, 8.0, 961) * np.log(10.0)
-#: Fewest steps over a whole sweep, so that a branch moves little in each.
-_FEWEST_STEPS = 2000
+_FEWEST_STEPS = 2000  #: fewest steps over a whole sweep, so that a branch moves little in each
 
-#: Frequencies computed together, to limit memory.
-_BLOCK = 2048
+_BLOCK = 2048  #: frequencies computed together, to limit memory
 
 #: ln(|Z| A) - ln F and its derivative in ln A, at points and rows of frequencies.
 Level = Callable[[FloatArray, IntArray], tuple[FloatArray, FloatArray]]

@@ -23,23 +23,17 @@ from damping.arrays import FloatArray
 from damping.errors import AnalysisError
 from damping.forces.contract import Force
 
-#: Most pieces in one period; with more the motion does not advance.
-_MOST_PIECES = 2000
+_MOST_PIECES = 2000  #: most pieces in one period; with more the motion does not advance
 #: Relative tolerance of the integrator, small because of the kinks of |q| in a piece; the absolute tolerance is this
 #: times the scale of the motion.
 _RTOL = 1e-11
 #: Periods of free settling before each shooting attempt from rest: more after each failure.
 _FREE_FROM_REST = (8, 24, 72)
-#: The same from the motion at a neighbouring frequency, which is already close.
-_FREE = (2, 24, 72)
-#: Most Newton steps of a shooting attempt; it converges in four or five, or not at all.
-_MOST_SHOTS = 15
-#: Change over one period, relative to the amplitude, at which shooting has converged.
-_HIT = 1e-8
-#: Periods of one window of a settling motion.
-_WINDOW = 5
-#: Relative agreement of successive windows, extrapolated to all later ones.
-_AGREEMENT = 1e-6
+_FREE = (2, 24, 72)  #: the same from the motion at a neighbouring frequency, which is already close
+_MOST_SHOTS = 15  #: most Newton steps of a shooting attempt; it converges in four or five, or not at all
+_HIT = 1e-8  #: change over one period, relative to the amplitude, at which shooting has converged
+_WINDOW = 5  #: periods of one window of a settling motion
+_AGREEMENT = 1e-6  #: relative agreement of successive windows, extrapolated to all later ones
 #: Most windows for settling: 3000 periods, after which damping of 0.1 % leaves e^-18 of the transient.
 _MOST_WINDOWS = 600
 

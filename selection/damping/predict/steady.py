@@ -25,14 +25,10 @@ SMALL_STEP = 1e-8
 SMALL_VALUE = 1e-6
 #: Largest ratio of a Newton step to the step before; bisection converges faster than a larger one.
 SHRINKING = 0.9
-#: Most steps: Newton's method needs about ten from a bracket; bisection alone, fifty more.
-MOST_STEPS = 200
-#: Amplitude, in any unit, beyond every relevant one; powers up to 20 of it stay finite.
-_FAR = 1e15
-#: Largest |ln A| searched: 55 decades, the fifth power of which is still finite.
-_WIDEST = 127.0
-#: ln A of the scan for forces whose parts do not all grow with amplitude.
-_GRID = np.arange(-46.0, 46.25, 0.25)
+MOST_STEPS = 200  #: most steps: Newton's method needs about ten from a bracket; bisection alone, fifty more
+_FAR = 1e15  #: amplitude, in any unit, beyond every relevant one; powers up to 20 of it stay finite
+_WIDEST = 127.0  #: largest |ln A| searched: 55 decades, the fifth power of which is still finite
+_GRID = np.arange(-46.0, 46.25, 0.25)  #: ln A of the scan for forces whose parts do not all grow with amplitude
 #: Amplitudes solved at once: the dozen arrays of 100 kB stay in the cache, where those of all draws take 100 MB.
 _AT_ONCE = 12_000
 

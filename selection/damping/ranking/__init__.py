@@ -128,8 +128,7 @@ def rank_laws(
         hold_out: whether to compute held-out errors; else they are NaN.
         power_draws: effective draws for the coefficient of a power law; 0: those of its evidence.
 
-    Raises:
-        AnalysisError: no candidate could be fitted.
+    AnalysisError: no candidate could be fitted.
     """
     ranking = weigh_laws(data, seed, candidate_laws() if laws is None else laws, done, estimate)
     ranked = [row for row in ranking.candidates if row.rank]

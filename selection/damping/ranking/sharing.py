@@ -111,8 +111,7 @@ def share_shapes(records: Sequence[Groups], data: Sequence[Observations]) -> dic
 def fit_jointly(law: Law, name: str, data: Sequence[Observations]) -> SharedShape:
     """Records fitted with one value of a shape parameter of the law, and separate coefficients and scatters.
 
-    Raises:
-        AnalysisError: the law cannot carry the forces of a record.
+    AnalysisError: the law cannot carry the forces of a record.
     """
     held = [_hold_shape(law, name, record) for record in data]
     nodes, values = NODES, np.array([[log_z(p) for p in NODES] for log_z in held])

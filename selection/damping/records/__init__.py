@@ -13,7 +13,7 @@ from typing import Any
 import pandas as pd
 
 from damping.errors import InputError, Refused
-from damping.records import check_ceiling, check_copies, check_levels, check_stated, check_sweeps, check_units
+from damping.records import check_ceiling, check_copies, check_levels, check_phases, check_sweeps, check_units
 from damping.records.base_drive import find_participation, has_masses, shake
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -42,8 +42,8 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_copies.check_copied_rows, ("several-modes", "sensor-saturation")),
     (check_sweeps.check_unlabelled, ("beyond-model",)),
     (check_sweeps.check_mixed_levels, ("several-modes", "sweep-rate", *_OF_LEVELS)),
-    (check_units.check_phase_unit, ("phase-sign", "phase-offset", "energy", "beyond-model", "sweep-rate")),
-    (check_units.check_phase_sign, ("phase-offset", "energy", "sweep-rate")),
+    (check_phases.check_phase_unit, ("phase-sign", "phase-offset", "energy", "beyond-model", "sweep-rate")),
+    (check_phases.check_phase_sign, ("phase-offset", "energy", "sweep-rate")),
     (check_sweeps.check_sweep_rate, _OF_A_FAST_SWEEP),
     (check_sweeps.check_several_modes, ("phase-offset", "beyond-model", *_OF_LEVELS, "edge-of-sweep", "units")),
     (check_sweeps.check_edge, (*_OF_LEVELS, "beyond-model", "phase-offset")),
@@ -52,10 +52,10 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_units.check_energy, ()),
     (check_units.check_units, ("beyond-model", "units", *_OF_LEVELS)),
     (check_units.check_velocity, ()),
-    (check_stated.check_tolerances, ()),
-    (check_stated.check_base_unit, ()),
-    (check_stated.check_uncertainties, ()),
-    (check_units.check_phase_offset, ()),
+    (check_units.check_tolerances, ()),
+    (check_units.check_base_unit, ()),
+    (check_units.check_uncertainties, ()),
+    (check_phases.check_phase_offset, ()),
     (check_copies.check_repeats, _OF_LEVELS),
     (check_levels.check_levels, ("beyond-model",)),
     (check_ceiling.check_ceiling, ()),

@@ -17,12 +17,9 @@ from damping.records.view import View
 
 #: Least relative standard uncertainty of a participation: masses of single sweeps are no more accurate.
 LEAST_SPREAD = 0.005
-#: Relative standard uncertainty of a participation that the rows do not show.
-UNKNOWN_SPREAD = 0.5
-#: Columns proportional to the force.
-_WITH_FORCE = ("force", "force_sd", "energy")
-#: Columns that are masses.
-_MASSES = ("mass", "added_mass")
+UNKNOWN_SPREAD = 0.5  #: relative standard uncertainty of a participation that the rows do not show
+_WITH_FORCE = ("force", "force_sd", "energy")  #: columns proportional to the force
+_MASSES = ("mass", "added_mass")  #: columns that are masses
 
 
 @dataclass(frozen=True)

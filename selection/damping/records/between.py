@@ -13,20 +13,15 @@ from damping.records.runs import NO_PARABOLA, fit_parabola
 #: A sweep is coarse if A/F falls by this factor from its largest value to a neighbouring row: between closer rows the
 #: resonance is at most 0.7 % higher (an eighth of the rise of |Y|^2 from row to row, halved).
 COARSE = 1.05
-#: Rows of at least this share of the largest A/F are fitted, and both neighbours of that row.
-NEAR = 0.5
-#: Powers p of amplitude: from friction to cubic damping.
-POWERS = (0.0, 3.0)
+NEAR = 0.5  #: rows of at least this share of the largest A/F are fitted, and both neighbours of that row
+POWERS = (0.0, 3.0)  #: powers p of amplitude: from friction to cubic damping
 #: Relative error of A_r over ln of its rise above the largest reading: the power is only the mean of the levels, and
 #: the resonance may be bent. Of 448 coarse sweeps of 16 laws, from which it was chosen, 15 % then err by more than 1.64
 #: standard deviations (normal: 10 %), mostly joints; the mean error is 0, that of the largest readings -5 %.
 ERROR_OF_RISE = 0.25
-#: Ratio of forces from which resonances show that power.
-TELLING = 1.1
-#: Iterations for A_r, each of which leaves about half of the error.
-_TURNS = 12
-#: Iterations for the power, which resonances of all sweeps show and by which they change.
-POWER_TURNS = 4
+TELLING = 1.1  #: ratio of forces from which resonances show that power
+_TURNS = 12  #: iterations for A_r, each of which leaves about half of the error
+POWER_TURNS = 4  #: iterations for the power, which resonances of all sweeps show and by which they change
 
 
 def find_between(

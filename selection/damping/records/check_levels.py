@@ -26,17 +26,14 @@ FAR_MASS_WITHOUT_PHASE = 1.8  #: without phases the mass comes from a parabola, 
 
 @dataclass(frozen=True)
 class OddMass:
-    """A ``sweep``, tested at ``force``, that implies the ``mass``, which is ``factor`` times that of other levels.
-
-    ``sure``: the mode file or most levels show that this level is wrong. ``beside``: no other level has its added mass.
-    """
+    """A ``sweep``, tested at ``force``, that implies the ``mass``, which is ``factor`` times that of other levels."""
 
     sweep: str
     force: float
     mass: float
     factor: float
-    sure: bool
-    beside: bool = False
+    sure: bool  #: the mode file or most levels show that this level is wrong
+    beside: bool = False  #: no other level has its added mass
 
     def __str__(self) -> str:
         large, small = ("small", "large") if self.factor > 1.0 else ("large", "small")
@@ -262,8 +259,7 @@ def _compare_structures(view: View, mode: Mode, hertz: FloatArray) -> Finding | 
     return Finding("beyond-model", "caution", what, advice, view.record.sweeps)
 
 
-#: Half-power bandwidths between two resonances from which they share no row near resonance.
-BANDWIDTHS = 1.0
+BANDWIDTHS = 1.0  #: half-power bandwidths between two resonances from which they share no row near resonance
 #: Distance of the lowest level from the mode file's frequency, over the further shift of the other levels, that one
 #: cause can explain: a joint fourfold beyond its limit has lost 4.7 times what it loses from there to sixteenfold.
 MOVED_BEFORE = 5.0

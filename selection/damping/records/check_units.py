@@ -1,4 +1,4 @@
-"""Checks of units, energies and phases: one system, columns not exchanged, E <= pi F A, a lag in radians."""
+"""Checks of units and energies: columns not exchanged, one system, E <= pi F A, uncertainties as stated."""
 
 import re
 from collections.abc import Mapping
@@ -7,7 +7,6 @@ from math import inf, log, pi
 import numpy as np
 
 from damping.arrays import INCH_M, POUND_FORCE_N, STANDARD_GRAVITY_M_S2, STANDARD_GRAVITY_REPORT_IN_S2, FloatArray
-from damping.records.implied import is_in_turns
 from damping.records.mode import Mode, Units
 from damping.records.record import energy_per_cycle
 from damping.records.view import Finding, View, label_sweeps, name_sweeps, take_median
@@ -38,9 +37,8 @@ FREQUENCY_FACTORS = {"rad/s for Hz": 2.0 * pi, "1/min for Hz": 60.0, "kHz for Hz
 
 #: A force is the response of a swept mode, by another name, if it falls by this factor towards both ends of the sweep;
 LIKE_PEAK = 2.0**0.7
-LIKE_LEVEL = (
-    0.3  #: if ln of what stands in its place spans less than this share of its own range, as a held force does;
-)
+#: if ln of what stands in its place spans less than this share of its own range, as a held force does;
+LIKE_LEVEL = 0.3
 #: and if it is largest where the force over it, as if exchanged, is among the upper tenth, and in proportion with that:
 #: notches, and forces that fall at resonance, are not.
 AT_TOP = 0.9
@@ -76,8 +74,7 @@ def check_exchange(view: View) -> Finding | None:
     return Finding("units", "refuse", what, "are the columns force and amplitude exchanged?", label_sweeps(tops))
 
 
-#: Factor of the mode's frequency within which the resonances of all levels lie.
-NEAR_THE_MODE = 1.3
+NEAR_THE_MODE = 1.3  #: factor of the mode's frequency within which the resonances of all levels lie
 
 
 def check_energy(view: View) -> Finding | None:
@@ -224,74 +221,41 @@ def name_unit(ratio: float, units: Units, within: float = inf) -> str:
     return name_factor(ratio, kept, within=within)
 
 
-def check_phase_unit(view: View) -> Finding | None:
-    """Phases not in radians: they turn far more than a mode can, or are unrelated to the amplitudes."""
-    if not view.incoherent or not view.curve:
+LARGEST_TOLERANCE = 1.0  #: largest relative uncertainty that is believed: such a value is known to a factor of e
+
+
+def check_tolerances(view: View) -> Finding | None:
+    """Relative uncertainties in a mode file that are larger than the values, as per cents taken for shares are."""
+    tables = (("mode.tolerance", view.mode.tolerance), ("repeatability", view.mode.repeatability)) if view.mode else ()
+    stated = [(f"{key} in [{name}]", value) for name, table in tables for key, value in vars(table).items() if value]
+    large = [f"{100.0 * value:g} % of {key}" for key, value in stated if value > LARGEST_TOLERANCE]
+    if not large:
         return None
-    what = f"the phases of {name_sweeps(view.incoherent)} jump or turn unlike any lag in radians"
-    what += ", though the amplitudes do not"
-    advice = "are they degrees? divide by 57.3 (degrees taken modulo 2 pi cannot be recovered: import the file again)"
-    if all(is_in_turns(run) for run in view.runs if run.sweep in view.incoherent):
-        what = f"the phases of {name_sweeps(view.incoherent)} pass the resonance within one radian"
-        advice = "are they turns? multiply by 2 pi"
-    return Finding("phase-unit", "refuse", what, advice, view.incoherent)
+    what = f"the mode file states an uncertainty of {' and of '.join(large)}"
+    return Finding("units", "caution", what, "are they per cents? give shares: 0.02 for 2 %", view.record.sweeps)
 
 
-_KINDS = {
-    "negated": ("falls through -pi/2: it is the lead of the displacement, or of force over displacement", "negate it"),
-    "minus pi": (
-        "runs from -pi to 0: half a turn too small, as with a sensor mounted backwards or an acceleration's lag",
-        "add pi (before it is conditioned: lag = -pi in [node]), or reverse the sensor",
-    ),
-    "acceleration": ("falls from pi to 0: it is the lead of the acceleration", "take pi - phase"),
-    "folded": ("falls from pi/2 to -pi/2 at resonance: an arc tangent without quadrant", "add pi where it is negative"),
-}
-
-
-def check_phase_sign(view: View) -> Finding | None:
-    """Phases with which the structure would supply energy."""
-    if not view.wrong_sign:
+def check_uncertainties(view: View) -> Finding | None:
+    """Columns of standard uncertainties that exceed the values, as per cents do, or another unit."""
+    record, large = view.record, []
+    for name in ("amplitude_sd", "force_sd", "phase_sd"):
+        if name in record.frame:
+            value = 1.0 if name == "phase_sd" else record.column(name.removesuffix("_sd"))
+            share = float(np.nanmedian(record.frame[name] / value))
+            if share > LARGEST_TOLERANCE:
+                large.append(f"{name} is {share:.3g} " + ("rad" if name == "phase_sd" else "times the value beside it"))
+    if not large:
         return None
-    wrong = view.wrong_sign
-    kinds = {kind: [sweep for sweep in wrong if wrong[sweep] == kind] for kind in dict.fromkeys(wrong.values())}
-    all_alike = len(kinds) == 1 and len(wrong) == len(view.record.sweeps)
-    named = {kind: "" if all_alike else f" of {name_sweeps(sweeps)}" for kind, sweeps in kinds.items()}
-    what = " and ".join(f"the phase{named[kind]} {_KINDS[kind][0]}" for kind in kinds)
-    what += ", so the structure would supply energy; the phase must be the lag of displacement behind force, 0 to pi"
-    advice = "; ".join(_KINDS[kind][1] + named[kind].replace(" of ", " in ") for kind in kinds)
-    imported = "" if "folded" in kinds else " (lead_deg where the file is imported)"
-    advice += imported if all_alike else ", and leave the others as they are"
-    return Finding("phase-sign", "refuse", what, advice, tuple(view.wrong_sign))
+    advice = "is it in per cent, in degrees, or in another unit? give it in the unit of its column"
+    return Finding("units", "caution", " and ".join(large), advice, record.sweeps)
 
 
-#: Least phase offset, rad, in the median and, by half, in most sweeps: phase meters are accurate to 2 degrees.
-OFFSET = 0.04
-OFFSET_ERRORS = 3.0  #: and least number of standard errors
-#: Lag, rad, of a swept resonance against a steady one, over (df/dt)/(2 zeta f)^2: a' = -i a omega'/(zeta omega) adds
-#: 2 M omega omega'/(zeta omega) to the stiffness (`damping.predict.sweep_rate`), which turns c omega by that angle.
-DRAGGED_PER_RATE = 2.0 / pi
-
-
-def check_phase_offset(view: View) -> Finding | None:
-    """A constant offset of all phases: they are not pi/2 at the resonance that pairs of equal amplitude imply."""
-    turns = [(run, turn) for run, turn in view.turns if turn and turn.both_sides]
-    turns = [(run, turn) for run, turn in turns if run.sweep not in view.wrong_sign]
-    if not turns:
+def check_base_unit(view: View) -> Finding | None:
+    """A base acceleration named in g beside a length: answers, and design levels, are in length/time^2."""
+    units = view.mode.units if view.mode and view.mode.drive == "base" else Units()
+    of_base = units.of_base_drive.force
+    if units.force != "g" or not of_base:
         return None
-    offsets = np.array([turn.offset for _, turn in turns])
-    middle = float(np.median(offsets))
-    spread = float(np.sqrt(np.mean([turn.scatter**2 for _, turn in turns]) / len(turns)))
-    other_law = float(np.median([turn.damping for _, turn in turns]))
-    in_most = np.mean(offsets * np.sign(middle) > 0.5 * OFFSET) >= 0.5
-    dragged = DRAGGED_PER_RATE * max(view.rates.values(), default=0.0)
-    if abs(middle) < max(OFFSET + other_law + dragged, OFFSET_ERRORS * spread) or not in_most:
-        return None
-    sweeps = label_sweeps(run for run, turn in turns if abs(turn.offset) > 0.5 * OFFSET)
-    way = "large" if middle > 0.0 else "small"
-    what = f"the phases are {abs(middle):.3f} rad ({np.degrees(abs(middle)):.1f} degrees) too {way}"
-    what += f" in {name_sweeps(sweeps)}: they are not pi/2 between rows of like amplitude"
-    far = abs(middle) > 0.25 * pi
-    taken = f"{'take' if middle > 0.0 else 'add'} {abs(middle):.3f} {'off' if middle > 0.0 else 'to'} the column phase"
-    before = f"before it is conditioned: lag = {middle:.3f} rad in [node], in the unit of the phase there"
-    advice = f"correct the delay of the channels ({taken}; {before}), or look for a second mode beside"
-    return Finding("phase-offset", "refuse" if far else "caution", what, advice, sweeps)
+    what = f"the mode file names g for the base's acceleration, which is taken in {of_base}, as its length and time say"
+    advice = f"give the column force, and design levels, in {of_base}"
+    return Finding("units", "caution", what, advice, view.record.sweeps)

@@ -18,20 +18,16 @@ from damping.records.runs import FALL, FEWEST_ROWS, NO_PARABOLA, NOISE_BESIDE_FA
 
 @dataclass(frozen=True)
 class Implied:
-    """What a run implies: complex ``mass``, its argument the phase offset; ``scatter``: its relative sd.
-
-    ``damping``: median damping ratio of the rows used, by which the damping law may displace the offset.
-    ``energy_sign``: mean sine of the phase without that offset, weighted by closeness to resonance, over its standard
-    error: below 0 the structure would supply energy. ``miss``: median misfit of Y by a straight line, relative to Y: 1
-    if phases and amplitudes are unrelated. ``both_sides``: whether pairs of rows across resonance were used.
-    """
+    """What a run implies: complex ``mass``, its argument the phase offset."""
 
     mass: complex
-    scatter: float
-    damping: float
+    scatter: float  #: relative sd of the mass
+    damping: float  #: median damping ratio of the rows used, by which the damping law may displace the offset
+    #: mean sine of the phase without that offset, weighted by closeness to resonance, over its standard error: below 0
+    #: the structure would supply energy
     energy_sign: float
-    miss: float
-    both_sides: bool
+    miss: float  #: median misfit of Y by a straight line, relative to Y: 1 if phases and amplitudes are unrelated
+    both_sides: bool  #: whether pairs of rows across resonance were used
 
     @property
     def offset(self) -> float:

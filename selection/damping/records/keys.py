@@ -71,8 +71,7 @@ MAX_TOML_SIZE = 1_000_000  #: largest TOML file that is read, bytes (a mode take
 
 _LONGEST_VALUE = 100  # most lines of one value in the search for the line of a key
 _PLACE = re.compile(r"\(at (?:line (\d+), column (\d+)|end of document)\)")
-#: What was expected where TOML cannot be read.
-_TOML = "TOML, a key = value on each line"
+_TOML = "TOML, a key = value on each line"  #: what was expected where TOML cannot be read
 
 
 def read_toml(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> TomlTable:
@@ -223,8 +222,7 @@ _EXPECTED = {
 }
 
 
-#: Beginning of pydantic's message on a number beyond a limit.
-_LIMIT = "Input should be "
+_LIMIT = "Input should be "  #: beginning of pydantic's message on a number beyond a limit
 
 
 def read_schema(table: TomlTable, schema: type[Schema], written: Mapping[str, str] | None = None) -> Schema:

@@ -25,14 +25,12 @@ DRIVES = ("force", "base")  #: excitation of a structure: by a force, or by the 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Relative standard uncertainty of the assumed values.
-
-    ``from_record``: the values were taken from the rows that they are compared with, and are not independent of them.
-    """
+    """Relative standard uncertainty of the assumed values."""
 
     frequency: float = 0.001
     mass: float = 0.02
     viscous: float = 0.05
+    #: the values were taken from the rows that they are compared with, and are not independent of them
     from_record: bool = False
 
 

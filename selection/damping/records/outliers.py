@@ -101,12 +101,10 @@ def _may_resonate(run: Run, k: int, factor: float) -> bool:
     return not (follows and size[k] ** 2 * factor**2 < fitted.least)
 
 
-#: Fewest rows of a sweep that have an order.
-FEWEST_IN_ORDER = 8
+FEWEST_IN_ORDER = 8  #: fewest rows of a sweep that have an order
 #: Least departure, ln |Y|, of the reading of a misplaced row from the other rows at its stated frequency,
 OUT_OF_PLACE = 0.25
-#: and over its departure from its neighbours in the order taken.
-OVER_ITS_PLACE = 5.0
+OVER_ITS_PLACE = 5.0  #: and over its departure from its neighbours in the order taken
 OF_JUMP = 0.5  #: share of that departure in a single step from row to row from which on the sweep jumps
 #: Rows tried in a sweep: one mistyped frequency breaks the order at two places, three rows each, with some to spare.
 _MOST_TRIED = 9
@@ -162,15 +160,13 @@ FEWEST_LEVELS = 4  #: fewest levels whose amplitudes define a line
 FEWEST_COURSE = 5  #: fewest levels whose trend shows one off by ``ODD``
 FEWEST_CURVED = 7  #: fewest levels whose trend may be a parabola
 SPREAD = 0.05  #: least range of ln force or ln amplitude of levels that have a trend: of repeats it is their scatter
-#: Largest misfit of the other levels to their trend, over that of the odd level.
-OF_OTHERS = 0.2
+OF_OTHERS = 0.2  #: largest misfit of the other levels to their trend, over that of the odd level
 #: One of two suspected levels is the odd one if the rest fits its trend this many times better without it than without
 #: the other.
 TELLING = 3.0
 #: Least ln of a frequency beyond those of the neighbouring levels that is not scatter (six times .1 %).
 OFF_FREQUENCY = 0.006
-#: The same in damping ratios: a peak is read to a quarter of its bandwidth.
-OFF_BANDWIDTH = 0.5
+OFF_BANDWIDTH = 0.5  #: the same in damping ratios: a peak is read to a quarter of its bandwidth
 #: The same for three levels, where only two others agree: a joint and a spring together bend a resonance that far.
 OFF_OF_THREE = 0.05
 
@@ -247,8 +243,7 @@ def _compare_amplitudes(x: FloatArray, y: FloatArray, *, one_mass: bool) -> _Mis
 
 #: Share of a limit by which a level may miss it and still be a suspect: far more than the rounding of its deviation.
 _ROUNDED = 1e-3
-#: Leverage from which the other levels hardly define the trend at a level.
-_ALONE = 1.0 - 1e-6
+_ALONE = 1.0 - 1e-6  #: leverage from which the other levels hardly define the trend at a level
 
 
 def _list_suspects(x: FloatArray, y: FloatArray) -> list[int]:

@@ -52,22 +52,18 @@ SAME_LEVEL = 0.10  #: relative difference of tested forces up to which two sweep
 
 @dataclass(frozen=True)
 class Resonance:
-    """Phase resonance of one sweep.
-
-    ``force``, ``frequency`` (Hz) and ``amplitude`` at resonance; ``phase_offset`` (rad) was subtracted from the phases;
-    ``method`` is ``row`` (the only row of the sweep), ``interpolated`` (phase pi/2 between rows), ``beside`` (damping
-    force at the row of largest amplitude, if phases do not reach pi/2 or jump past it), ``between`` (a curve through
-    rows of a coarse sweep without phases) or ``peak`` (that row, taken for resonance); ``row`` is the row of the record
-    at or nearest to resonance.
-    """
+    """Phase resonance of one sweep."""
 
     sweep: str
     force: float
-    frequency: float
+    frequency: float  #: Hz
     amplitude: float
-    phase_offset: float
+    phase_offset: float  #: subtracted from the phases, rad
+    #: ``row`` (the only row of the sweep), ``interpolated`` (phase pi/2 between rows), ``beside`` (damping force at the
+    #: row of largest amplitude, if phases do not reach pi/2 or jump past it), ``between`` (a curve through rows of a
+    #: coarse sweep without phases) or ``peak`` (that row, taken for resonance)
     method: str
-    row: int
+    row: int  #: of the record, at or nearest to resonance
 
 
 def tabulate_resonances(record: Record) -> pd.DataFrame:

@@ -15,23 +15,14 @@ from damping.records.record import Record
 
 @dataclass(frozen=True)
 class SweepRows:
-    """Measured steady states, one entry for each; arrays of shape (rows,), those named in ``PER_SWEEP`` (sweeps,).
+    """Measured steady states, one entry for each; arrays of shape (rows,), those named in ``PER_SWEEP`` (sweeps,)."""
 
-    Attributes:
-        omega: rad/s.
-        sweep: index of the row's sweep into ``sweeps``.
-        sweeps: labels.
-        sd_amplitude: relative standard uncertainty; 0 where the record states none, as for the others.
-        sd_force: likewise.
-        sd_phase: rad.
-    """
-
-    omega: FloatArray
-    sweep: IntArray
-    sweeps: tuple[str, ...]
-    sd_amplitude: FloatArray
-    sd_force: FloatArray
-    sd_phase: FloatArray
+    omega: FloatArray  #: rad/s
+    sweep: IntArray  #: index of the row's sweep into ``sweeps``
+    sweeps: tuple[str, ...]  #: labels
+    sd_amplitude: FloatArray  #: relative standard uncertainty; 0 where the record states none, as for the others
+    sd_force: FloatArray  #: likewise
+    sd_phase: FloatArray  #: rad
     PER_SWEEP: ClassVar[tuple[str, ...]] = ()
 
     def __len__(self) -> int:

@@ -15,8 +15,7 @@ from damping.errors import InputError, describe_nearest
 if TYPE_CHECKING:
     import pandas as pd
 
-#: Default size limit of a file, bytes (200 MB: some four million steady states).
-DEFAULT_MAX_SIZE = 200_000_000
+DEFAULT_MAX_SIZE = 200_000_000  #: default size limit of a file, bytes (200 MB: some four million steady states)
 
 LONGEST_ROW = 1_000_000  #: longest row of a CSV file, characters
 
@@ -131,8 +130,7 @@ def count(n: int, what: str) -> str:
     return f"{n} {what}{'' if n == 1 else 's'}"
 
 
-#: Sign for a missing number.
-NOTHING = "–"
+NOTHING = "–"  #: sign for a missing number
 
 
 def format_share(value: SupportsFloat) -> str:
@@ -232,8 +230,7 @@ class CsvRows:
             start = end
 
 
-#: Most rows of a ranking or of a record in a summary.
-MOST_SHOWN = 12
+MOST_SHOWN = 12  #: most rows of a ranking or of a record in a summary
 
 
 def describe_as_text(title: str, shown: "pd.DataFrame", remarks: Iterable[str] = ()) -> str:
@@ -251,19 +248,13 @@ def describe_as_html(title: str, shown: "pd.DataFrame", remarks: Iterable[str] =
 
 @dataclass(frozen=True)
 class Disagreement:
-    """Sentences on contradictions between ranking and diagnosis, those on loads first; none where they agree.
+    """Sentences on contradictions between ranking and diagnosis, those on loads first; none where they agree."""
 
-    Attributes:
-        on_loads: on the amplitude at a force; shown before a result.
-        on_rows: on what explains the rows; shown after a result.
-    """
-
-    on_loads: tuple[str, ...] = ()
-    on_rows: tuple[str, ...] = ()
+    on_loads: tuple[str, ...] = ()  #: on the amplitude at a force; shown before a result
+    on_rows: tuple[str, ...] = ()  #: on what explains the rows; shown after a result
 
     def __iter__(self) -> Iterator[str]:
         return iter((*self.on_loads, *self.on_rows))
 
 
-#: Ranking and diagnosis agree, or are not compared.
-AGREED = Disagreement()
+AGREED = Disagreement()  #: ranking and diagnosis agree, or are not compared

@@ -18,8 +18,7 @@ from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.records.text import NUMBER
 
-#: Head and tail of the same shape.
-Pair: TypeAlias = tuple[FloatArray, FloatArray]
+Pair: TypeAlias = tuple[FloatArray, FloatArray]  #: head and tail of the same shape
 
 _SPLITTER = 134217729.0  # 2**27 + 1 cuts a double's 53 bits into two halves whose products are exact
 

@@ -22,14 +22,11 @@ from damping.report import forms, tables
 from damping.report.page import Block, FigureBlock
 from damping.report.results import LawPosterior, RecordResult, Svgs, posterior_draws, prior_draws
 
-#: Sweeps whose predictive check is drawn, evenly from the smallest to the largest force.
-MOST_SWEEPS = 8
+MOST_SWEEPS = 8  #: sweeps whose predictive check is drawn, evenly from the smallest to the largest force
 #: Laws drawn as bars; the rest weigh next to nothing.
 MOST_BARS = 12
-#: Points of a fitted curve between the ends of a sweep.
-POINTS = 120
-#: Share of a squared force that rounding may take from the one that holds the resonance.
-ROUNDING = 1e-9
+POINTS = 120  #: points of a fitted curve between the ends of a sweep
+ROUNDING = 1e-9  #: share of a squared force that rounding may take from the one that holds the resonance
 
 
 def record_figures(result: RecordResult, level: float) -> dict[str, Drawn]:
@@ -214,14 +211,12 @@ _DRAWN = ("force", "median", "low", "high", "credible_low", "credible_high", "li
 
 @dataclass(frozen=True)
 class Explorer(FigureBlock):
-    """A figure of design loads with a slider for the force, from precomputed predictions.
-
-    ``data``: numbers to draw and ``texts`` to show, lists over forces in ascending order; null and a dash where no
-    prediction is given.
-    """
+    """A figure of design loads with a slider for the force, from precomputed predictions."""
 
     name: str  #: an id on the page
     level: str  #: content of the bands, such as ``90 %``
+    #: numbers to draw and ``texts`` to show, lists over forces in ascending order; null and a dash where no prediction
+    #: is given
     data: dict[str, Any]
     jumps: tuple[tuple[int, str], ...]  #: positions of the design forces with their text, ascending; the last is shown
 

@@ -26,10 +26,8 @@ TREND_FITS = 0.5
 TREND_SEEN = 13.8
 #: Probability that the library holds the cause below which no sizes are reported: they are of absent effects.
 SIZED = 0.1
-#: Fewest and most significant digits of a size.
-_DIGITS = (3, 8)
-#: Explanations drawn.
-MOST_BARS = 8
+_DIGITS = (3, 8)  #: fewest and most significant digits of a size
+MOST_BARS = 8  #: explanations drawn
 
 
 def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:

@@ -40,10 +40,8 @@ from damping.report.page import FigureBlock, Footer, Table, render_page, write_s
 if TYPE_CHECKING:
     from damping.plots import Drawn
 
-#: Cells of a table.
-_MOST_CELLS = 12
-#: Points of a curve between the ends of a sweep.
-_POINTS = 160
+_MOST_CELLS = 12  #: cells of a table
+_POINTS = 160  #: points of a curve between the ends of a sweep
 
 
 def render_gap_page(

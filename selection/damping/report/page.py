@@ -35,8 +35,7 @@ from damping import report as words
 #: How to write a value of a column.
 Format = Callable[[Any], str]
 _WIDTH_POINTS = re.compile(r'<svg[^>]* width="([\d.]+)pt"')
-#: Cells of more characters than this may be broken over lines.
-LONG = 28
+LONG = 28  #: cells of more characters than this may be broken over lines
 
 
 class Block:

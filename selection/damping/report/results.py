@@ -106,8 +106,7 @@ class StudyResult:
     exhibits: tuple[Exhibit, ...] = ()  #: what joins it
 
 
-#: Draws of a prior: the 5 % point of a density is then known to 1 % of its spread.
-PRIOR_DRAWS = 40_000
+PRIOR_DRAWS = 40_000  #: draws of a prior: the 5 % point of a density is then known to 1 % of its spread
 
 
 def prior_draws(coordinates: Coordinates) -> dict[str, FloatArray]:
@@ -154,8 +153,7 @@ def list_refused(result: RecordResult) -> list[str]:
     return [at + caution for caution in design.cautions[last] if caution.startswith(REFUSAL)]
 
 
-#: Cautions of a record or mode above the fold at most, the gravest first.
-MOST_CAUTIONS = 3
+MOST_CAUTIONS = 3  #: cautions of a record or mode above the fold at most, the gravest first
 
 
 def keep_gravest(cautions: Iterable[str]) -> list[str]:

@@ -33,10 +33,8 @@ from damping.report.results import (
     list_refused,
 )
 
-#: Laws with less weight are folded away.
-LEAST_SHOWN = 0.02
-#: Laws of a record shown at most.
-MOST_SHOWN = 6
+LEAST_SHOWN = 0.02  #: laws with less weight are folded away
+MOST_SHOWN = 6  #: laws of a record shown at most
 
 
 def build_screens(study: StudyResult, svgs: Svgs) -> list[Section]:

@@ -65,10 +65,8 @@ def _build_details(study: StudyResult, svgs: Svgs) -> Section:
     return Section("details", "What this rests on", [page.Text(holds), *folds])
 
 
-#: Points that the page shows of a longer record, the first.
-MOST_POINTS = 60
-#: Most points for each of which a table of deviations has a column.
-MOST_COLUMNS = 24
+MOST_POINTS = 60  #: points that the page shows of a longer record, the first
+MOST_COLUMNS = 24  #: most points for each of which a table of deviations has a column
 
 
 def _build_parts(result: RecordResult, svgs: Svgs) -> list[Block]:

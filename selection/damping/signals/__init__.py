@@ -111,16 +111,13 @@ def identify_r2_over_i(
 
 @dataclass(frozen=True)
 class PrincipalPlanes:
-    """A mode in two planes (Eq. 3.2.16): ``phi`` node per modal displacement, ``mass`` M, frequencies in rad/s.
-
-    ``theta``: angle from the direction of the force to the principal pitch plane, rad.
-    """
+    """A mode in two planes (Eq. 3.2.16): ``phi`` node per modal displacement, ``mass`` M, frequencies in rad/s."""
 
     phi: float
     mass: float
     omega_p: float
     omega_y: float
-    theta: float
+    theta: float  #: angle from the direction of the force to the principal pitch plane, rad
 
     @property
     def planes(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -140,12 +137,10 @@ class PlaneMotion:
 
 @dataclass(frozen=True)
 class DampingRoots:
-    """Solutions of Eq. 3.2.15 at one point: ``roots`` in rising order, empty if there are none.
-
-    ``xi_peak``, ``energy_peak``: damping factor at which the energy loss is largest, and that energy.
-    """
+    """Solutions of Eq. 3.2.15 at one point: ``roots`` in rising order, empty if there are none."""
 
     roots: FloatArray
+    #: ``xi_peak``, ``energy_peak``: damping factor at which the energy loss is largest, and that energy
     xi_peak: float
     energy_peak: float
 

@@ -25,24 +25,16 @@ IN_PHASE = RIGID_BODY, ADJACENT_MODES, KNOWN_CORRECTION = "rigid body", "adjacen
 
 @dataclass(frozen=True)
 class ConditioningStep:
-    """One step of the conditioning.
+    """One step of the conditioning."""
 
-    Attributes:
-        name: what the step does.
-        equation: its place in the report.
-        before: the working table.
-        after: the working table, rows in the same order (a step may leave rows out).
-        removed: removed motion, one column per part, on the rows of ``before``; no columns if the step only converts.
-            Motion in phase with the force is signed: positive with it, negative against it.
-        constants: numbers identified by the step.
-    """
-
-    name: str
-    equation: str
-    before: pd.DataFrame
-    after: pd.DataFrame
+    name: str  #: what the step does
+    equation: str  #: its place in the report
+    before: pd.DataFrame  #: the working table
+    after: pd.DataFrame  #: the working table, rows in the same order (a step may leave rows out)
+    #: removed motion, one column per part, on the rows of ``before``; no columns if the step only converts. Motion in
+    #: phase with the force is signed: positive with it, negative against it.
     removed: pd.DataFrame
-    constants: Mapping[str, float] = field(default_factory=dict)
+    constants: Mapping[str, float] = field(default_factory=dict)  #: numbers identified by the step
 
 
 def condition(raw: pd.DataFrame, description: Description) -> tuple[ConditioningStep, ...]:

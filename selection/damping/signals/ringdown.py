@@ -62,23 +62,17 @@ _MEDIAN = 1.1774  # median of the modulus of complex noise, over the standard de
 
 @dataclass(frozen=True)
 class Decay:
-    """Levels of a free decay, arrays (levels,), largest amplitude first.
+    """Levels of a free decay, arrays (levels,), largest amplitude first."""
 
-    ``time`` at the middle of each level, ``amplitude`` of displacement, ``frequency`` of phase resonance (Hz),
-    ``decay_rate`` delta (1/s), ``force`` of the energy balance; ``amplitude_sd``, ``force_sd`` from noise, that of the
-    force also from the limits of the energy balance and of a parabola. ``noise``: amplitude in the unit of the signal;
-    ``notes``: what was left out.
-    """
-
-    time: FloatArray
-    amplitude: FloatArray
-    frequency: FloatArray
-    decay_rate: FloatArray
-    force: FloatArray
-    amplitude_sd: FloatArray
-    force_sd: FloatArray
-    noise: float
-    notes: tuple[str, ...]
+    time: FloatArray  #: at the middle of each level, s
+    amplitude: FloatArray  #: of displacement
+    frequency: FloatArray  #: of phase resonance, Hz
+    decay_rate: FloatArray  #: delta, 1/s
+    force: FloatArray  #: of the energy balance
+    amplitude_sd: FloatArray  #: from noise
+    force_sd: FloatArray  #: from noise, and from the limits of the energy balance and of a parabola
+    noise: float  #: amplitude in the unit of the signal
+    notes: tuple[str, ...]  #: what was left out
 
     @property
     def damping_ratio(self) -> FloatArray:
