@@ -238,7 +238,8 @@ def _show(answer: Campaign, out: Path) -> None:
             damping.add_row(mode.name, number(at.level), describe_frequency(at), ratio[0], error, *ratio[1:])
             peaks.add_row(mode.name, sensor, number(at.level), *peak)
     to.print(damping)
-    to.print(peaks)
+    if answer.is_driven:  # the level of a free decay is this peak
+        to.print(peaks)
     to.print(
         "±: standard error. low to high: 90 % band, at a tested level measured on its own rows, at a design level "
         "predictive, averaged over laws by weight."

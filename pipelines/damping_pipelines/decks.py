@@ -32,6 +32,7 @@ from damping.extrapolation.cautions import REFUSAL
 from damping.extrapolation.plan import ROUNDING
 from damping.formats.quantity import find_powers
 from damping.formats.quantity import unit as named_unit
+from damping.records.mode import Units
 from damping.report.page import fill_text
 from damping_pipelines.folders import list_files, read_damping
 from damping_pipelines.forms import DampedRow, DampingForm
@@ -86,7 +87,7 @@ def export_deck(source: Path, out: Path, code: str, record: str | None = None) -
         raise InputError(f"--to {code!r} is unknown", expected=" or ".join(COMMENTS))
     check_outputs({"--out": out}, *list_files(source))
     form, content = read_damping(source, record)
-    drive, unit = (form.level_name, form.level_unit) if form.modes else (form.drive, form.units.get("force", ""))
+    drive, unit = (form.level_name, form.level_unit) if form.modes else (form.drive, form.units.force)
     if code == "openfast" and "base acceleration" in (form.drive, drive):
         raise AnalysisError(f"{source}: coefficients are of a force, and this form is of base acceleration")
     levels, missing = _list_levels(form, drive, unit)
@@ -101,7 +102,7 @@ def export_deck(source: Path, out: Path, code: str, record: str | None = None) -
     number = {mode: i + 1 for i, mode in enumerate(by_frequency)}
     of_modes = product(modes.items() if code == "openfast" else (), BOUNDS)
     si = find_si(form.units)
-    kept = ", ".join(filter(None, form.units.values())) or "which names none"
+    kept = ", ".join(filter(None, vars(form.units).values())) or "which names none"
     unconverted = f"OpenFAST takes N, m, s: these are the units of the form, {kept}"
     fitted = [(mode, which, points, fit_coefficients(points, which, unit, si)) for (mode, points), which in of_modes]
     values = {
@@ -181,11 +182,10 @@ def choose_live(levels: Mapping[float, Sequence[Point]], number: Mapping[str, in
     return Live(min(ends, key=weigh), BOUNDS[1], SAFER if len(ends) > 1 else alone)
 
 
-def find_si(units: Mapping[str, str]) -> tuple[float, float, str] | None:
+def find_si(units: Units) -> tuple[float, float, str] | None:
     """N and m (N m and rad) in the units of force and length of a form, and the SI unit of AddBLin; None if unknown."""
-    force, length = (units.get(what, "") for what in ("force", "length"))
-    linear = LINEAR_UNITS.get((find_powers(force), find_powers(length)))
-    return None if linear is None else (named_unit(force).factor, named_unit(length).factor, linear)
+    linear = LINEAR_UNITS.get((find_powers(units.force), find_powers(units.length)))
+    return None if linear is None else (named_unit(units.force).factor, named_unit(units.length).factor, linear)
 
 
 def split_runs(number: Mapping[str, int], points: Sequence[Point]) -> list[list[Point]]:

@@ -141,7 +141,7 @@ def _export_form(
     if isinstance(form, RankForm):
         message = "--units is for all but a ranking, with coefficients of many dimensions"
         raise InputError(message, file=source, expected="a ranking of the converted record")
-    own = Units(**{what: form.units.get(what, "") for what in ("force", "length", "time")})
+    own = form.units
     described = read_mode(mode) if mode is not None and not (own.force or own.length) else None
     names = _names(described.units if described else own, given, str(mode or source))
     if described and described.drive == "base":

@@ -65,7 +65,7 @@ def _take_record(record: StudyRecordForm, source: Path) -> DampingForm:
             "name": record.name,
             "rows": [row for row in record.curve.rows if row.tested or not loads],
             "predictions": [DampedRow.model_validate(load.model_dump()) for load in loads],
-            "units": vars(record.units),
+            "units": record.units,
             "drive": record.units.drive,
             "audit": record.audit,
         }

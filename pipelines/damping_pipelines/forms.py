@@ -125,7 +125,7 @@ class LoadsForm(FormPart):
     format: Literal["loads/1"]
     level: float
     predictions: Annotated[list[PredictionForm], Field(min_length=1)]
-    units: dict[str, str] = {}
+    units: Units = Units()
 
     @property
     def asked(self) -> str:
@@ -163,7 +163,7 @@ class CurveForm(FormPart):
     format: Literal["curve/1"]
     level: float
     rows: Annotated[list[CurveRowForm], Field(min_length=1)]
-    units: dict[str, str] = {}
+    units: Units = Units()
 
 
 class AnswerForm(RootModel[Annotated[RankForm | LoadsForm | CurveForm, Field(discriminator="format")]]):
@@ -211,7 +211,7 @@ class DampingForm(FormPart):
     rows: list[DampedRow] = []
     modes: list[DampedMode] = []
     drive: str = "force"
-    units: dict[str, str] = {}
+    units: Units = Units()
     level_name: str = "level"
     level_unit: str = ""
     cautions: list[str] = []

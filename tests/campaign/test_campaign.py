@@ -294,6 +294,7 @@ def test_the_command_predicts_every_sensor(tmp_path, damping, no_layout, few_dra
     run = damping("campaign", written(tmp_path / "c.h5", "hdf5"), "--out", out, "--design", 0.8)
     assert run.code == 0
     assert "±: standard error. low to high: 90 % band" in run.out
+    assert "peak of the sensor that moves most" in run.out
     answer = json.loads((out / "campaign.json").read_text())
     assert answer["format"] == "campaign/1"
     assert answer["levels"] == list(LEVELS)
@@ -498,11 +499,12 @@ def test_tables_are_read_in_their_encoding(tmp_path, monkeypatch, encoding):
 def test_page_of_decays_names_no_input(tmp_path, damping, few_laws):
     """Levels of one mode are no levels of the other, and names of runs are those of the files."""
     files = [decayed(tmp_path / f"d_{k}.csv", start) for k, start in enumerate((0.005, 0.02))]
-    damping("campaign", *files, "--out", tmp_path / "out", "--quiet")
+    run = damping("campaign", *files, "--out", tmp_path / "out", "--quiet")
     form, page = (
         json.loads((tmp_path / "out" / "campaign.json").read_text()),
         (tmp_path / "out" / "report.html").read_text(),
     )
+    assert "peak of the sensor" not in run.out  # it is the level
     assert len(form["levels"]) > 2
     assert f"{len(form['modes'])} modes at 2 levels." in page
     assert "input at the mode" not in page
