@@ -498,6 +498,14 @@ def test_rows_that_do_not_agree_stay_apart(tmp_path, second):
     assert import_tip(content, tmp_path / "b.csv")[0].groupby("sweep").ngroups == 2
 
 
+@pytest.mark.parametrize("way", [1, -1])
+def test_rows_about_a_resonance_near_the_end_of_a_sweep_join_it_only_if_they_agree(tmp_path, way):
+    """They go back by less than half of the sweep."""
+    for moved, rows in ((1.0, [len(COARSE) + 41]), (1.0015, [len(COARSE), 41])):
+        content = pd.concat([rows_at(COARSE[::-1], 2.0), rows_at(CLOSE[:41][::way], 2.0, moved=moved)])
+        assert list(import_tip(content, tmp_path / "b.csv")[0].groupby("sweep", sort=False).size()) == rows
+
+
 def test_rows_of_before_a_sweep_do_not_refine_it(tmp_path):
     content = pd.concat([rows_at(COARSE, 2.0), rows_at(CLOSE, 2.0)])
     for start, sweeps in ((1000.0, 1), (-1000.0, 2)):
