@@ -352,6 +352,12 @@ def test_levels_side_by_side_in_a_file_of_arrays_are_runs(tmp_path, kind):
     assert [run.level for run in runs] == list(LEVELS)
     for run, level in zip(runs, LEVELS, strict=True):
         np.testing.assert_allclose(run.channels[0].samples, TRUTH[level][0], rtol=1e-9)
+    stated = Stated(response="displacement", units={"response": "mm"} if kind == "mat" else {})
+    record = steady_record(read_file(path, stated)[0], stated, "a", Summary()).frame
+    assert set(record["force"]) == set(LEVELS)
+    for level, rows in record.groupby("force"):
+        x = rows["amplitude"] * np.exp(-1j * rows["phase"])
+        np.testing.assert_allclose(x, 1e-3 * TRUTH[level][0], rtol=1e-9)
 
 
 @pytest.mark.parametrize(
