@@ -490,6 +490,25 @@ def test_sweeps_whose_rows_have_a_label_each_are_named(labelled):
     assert [one.check for one in found] == ["mixed-levels"] * (not labelled)
 
 
+@pytest.mark.parametrize(
+    ("order", "size", "said"),
+    [
+        (1, 1.0, "system: velocity for displacement?"),
+        (2, 1.0, "system: acceleration for displacement?"),
+        (2, 9.80665, "system: acceleration in g for displacement in m?"),
+    ],
+)
+def test_motions_that_are_no_displacements_are_named(order, size, said):
+    """At 10 Hz a velocity in m/s is 62.8 times the displacement, near the 57.3 degrees of a radian."""
+    f = np.linspace(9.0, 11.0, 41)
+    q = 1.0 / (5.0 * (2 * np.pi) ** 2 * (100.0 - f**2 + 0.4j * f))
+    amplitude = abs(q) * (2.0 * np.pi * f) ** order / size
+    table = pd.DataFrame({"sweep": "a", "force": 1.0, "frequency": f, "amplitude": amplitude, "phase": -np.angle(q)})
+    finding = audit(Record(table), Mode(name="x", frequency=10.0, mass=5.0)).findings[0]
+    assert (finding.check, finding.verdict) == ("units", "refuse")
+    assert said in finding.advice
+
+
 def test_degrees_for_an_angle_in_rad_are_named():
     f = np.linspace(23.0, 27.0, 41)
     q = 1.0 / (0.8 * (2 * np.pi) ** 2 * (625.0 - f**2 + 0.5j * f))
