@@ -453,6 +453,13 @@ def test_tolerances_in_per_cents_are_doubted(per_cents):
     assert said == [("units", "caution", f"the mode file states {what}")] * per_cents
 
 
+@pytest.mark.parametrize(("unit", "doubts"), [("ms", 1), ("min", 1), ("s", 0), ("", 0)])
+def test_a_unit_of_time_beside_hertz_is_doubted(unit, doubts):
+    table = pd.DataFrame({"sweep": ["a"], "force": [1.0], "frequency": [60.0], "amplitude": [1.0]})
+    mode = Mode(name="x", frequency=60.0, mass=1.0, units=Units("N", "m", unit))
+    assert sum("unit of time" in finding.what for finding in audit(Record(table), mode).findings) == doubts
+
+
 @pytest.mark.parametrize(("unit", "doubts"), [("g", 1), ("N", 0), ("m/s^2", 0)])
 def test_a_base_acceleration_named_in_g_beside_metres_is_doubted(unit, doubts):
     """Participation 0.2: as 1.96 it would be plausible, and a design level in g would be read in m/s^2."""

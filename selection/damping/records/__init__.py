@@ -54,6 +54,7 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_units.check_velocity, ()),
     (check_stated.check_tolerances, ()),
     (check_stated.check_base_unit, ()),
+    (check_stated.check_time_unit, ()),
     (check_stated.check_uncertainties, ()),
     (check_units.check_phase_offset, ()),
     (check_copies.check_repeats, _OF_LEVELS),

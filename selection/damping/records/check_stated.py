@@ -1,4 +1,4 @@
-"""Checks of what record and mode file state of themselves: uncertainties, and the unit of a base acceleration."""
+"""Checks of what record and mode file state of themselves: uncertainties, and units of time and base acceleration."""
 
 import numpy as np
 
@@ -42,4 +42,14 @@ def check_base_unit(view: View) -> Finding | None:
         return None
     what = f"the mode file names g for the base's acceleration, which is taken in {of_base}, as its length and time say"
     advice = f"give the column force, and design levels, in {of_base}"
+    return Finding("units", "caution", what, advice, view.record.sweeps)
+
+
+def check_time_unit(view: View) -> Finding | None:
+    """A unit of time that is not the second: frequencies are in Hz, so coefficients and masses are per second."""
+    text = view.mode.units.time if view.mode else ""
+    if text.lower() in ("", "s", "sec", "second", "seconds"):
+        return None
+    what = f"the mode file names {text} as the unit of time, while frequencies are in Hz"
+    advice = 'coefficients are found in seconds: give time = "s", and the mass in the unit of force times s^2/length'
     return Finding("units", "caution", what, advice, view.record.sweeps)
