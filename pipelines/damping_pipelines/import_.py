@@ -227,6 +227,8 @@ def _list_levels(
 
 def _choose_part(history: TimeHistory, free: Sequence[Part]) -> Part | None:
     """The first of some parts that ends after the largest motion; None if there is none."""
+    if not free:  # a large file has no room for further arrays of its length
+        return None
     largest = float(history.t[np.argmax(np.abs(history.signal - np.mean(history.signal)))])
     return next((part for part in free if part[1] is not None and part[1] > largest), None)
 

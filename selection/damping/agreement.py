@@ -5,6 +5,7 @@ simulation with a resonant amplitude. If that lies outside the band, both comman
 only one of the two finds the rows explained, both report it after their results.
 """
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -18,11 +19,12 @@ from damping.extrapolation.prepared import prepare_record
 from damping.forces import CATALOGUE as FORCES
 from damping.forces.contract import Force
 from damping.gap.corrected import corrected_mode
-from damping.gap.diagnose import Diagnosis, Explained, explain
+from damping.gap.diagnose import HYPOTHESES, Diagnosis, Explained, explain
 from damping.gap.sweeping import read_resonance, simulated_force
 from damping.gap.weighing import KNOWN
 from damping.infer.doubt import LIKELY, JointEvidence
 from damping.predict.steady import phase_resonance
+from damping.progress import Progress, silent, unknown_length
 from damping.ranking.verdict import FEWEST_ROWS, FitVerdict
 from damping.records import Audit
 from damping.records.mode import Mode
@@ -41,41 +43,46 @@ BEYOND = 2.0
 LEVEL = 0.9  #: content of the predictive band at that force
 
 
-def compare_with_diagnosis(record: Record, mode: Mode, predicted: Extrapolation) -> Disagreement:
+def compare_with_diagnosis(
+    record: Record, mode: Mode, predicted: Extrapolation, progress: Progress = silent
+) -> Disagreement:
     """Describe where the diagnosis of the simulation in the mode file contradicts predicted loads; empty if nowhere.
 
     ``record``, ``mode``: under a modal force, as swept.
     """
     # where a law fits poorly, `describe_fall` may quote probabilities, which unnamed causes change
-    explained = _explain(record, mode, brief=predicted.plan.fit.verdict != "poor")
+    explained = _explain(record, mode, brief=predicted.plan.fit.verdict != "poor", progress=progress)
     return compare(predicted, explained) if explained else AGREED
 
 
-def compare_with_ranking(record: Record, diagnosis: Diagnosis, findings: Audit, seed: int) -> Disagreement:
+def compare_with_ranking(
+    record: Record, diagnosis: Diagnosis, findings: Audit, seed: int, progress: Progress = silent
+) -> Disagreement:
     """Describe where the ranked laws contradict a diagnosis at ``BEYOND`` times the tested force; empty if they agree.
 
     ``findings``: of the audit of the record.
     """
     try:
         prepared = prepare_record(record, diagnosis.mode, findings)
-        predicted = predict_record(prepared, np.empty(0), (BEYOND,), LEVEL, seed, fresh=False)
+        predicted = predict_record(prepared, np.empty(0), (BEYOND,), LEVEL, seed, fresh=False, progress=progress)
     except AnalysisError:  # a record without rows that laws can be ranked on
         return AGREED
     return compare(predicted, diagnosis)
 
 
-def doubt_misfit(record: Record, mode: Mode, fit: FitVerdict) -> Disagreement:
+def doubt_misfit(record: Record, mode: Mode, fit: FitVerdict, progress: Progress = silent) -> Disagreement:
     """Describe where the diagnosis contradicts a ranking in which no law fits; empty if they agree."""
-    explained = _explain(record, mode, brief=True)
+    explained = _explain(record, mode, brief=True, progress=progress)
     return Disagreement(on_rows=describe_misfit(fit, explained) if explained else ())
 
 
-def _explain(record: Record, mode: Mode, *, brief: bool) -> Explained | None:
+def _explain(record: Record, mode: Mode, *, brief: bool, progress: Progress) -> Explained | None:
     """The explanations; None for a model without damping, or a record that no simulation can be compared with."""
-    try:
-        return explain(record, mode, brief=brief) if mode.damping else None
-    except AnalysisError:
+    if not mode.damping:
         return None
+    with suppress(AnalysisError), unknown_length(progress, "comparing", HYPOTHESES) as report:
+        return explain(record, mode, brief=brief, done=report)
+    return None
 
 
 def compare(predicted: Extrapolation, explained: Explained) -> Disagreement:

@@ -70,7 +70,9 @@ def rank(
         return RankingResult(ranking, prepared)
     from damping.agreement import doubt_misfit  # noqa: PLC0415 - where a law fits, no diagnosis is loaded
 
-    return RankingResult(ranking, prepared, doubt_misfit(prepared.measured.driven, prepared.mode, ranking.fit))
+    return RankingResult(
+        ranking, prepared, doubt_misfit(prepared.measured.driven, prepared.mode, ranking.fit, progress)
+    )
 
 
 @single_threaded
@@ -108,7 +110,7 @@ def extrapolate(
     prepared = prepare_record(record, mode, check(record, mode).require(despite))
     predicted = predict_record(prepared, under, (1.0,), level, seed, progress=watch(progress))
     predicted = replace(predicted, loads=predict_forces(predicted, at)) if len(at) else predicted
-    against = compare_with_diagnosis(prepared.measured.driven, prepared.mode, predicted)
+    against = compare_with_diagnosis(prepared.measured.driven, prepared.mode, predicted, progress)
     return LoadsResult(predicted, prepared, against)
 
 
@@ -145,7 +147,7 @@ def curve(
     asked = [predict_forces(predicted, reached, each=False)] if len(reached) else []
     asked += [predicted.loads] if len(under) else []
     compared = replace(predicted, loads=asked[0]) if len(at) and not len(under) else predicted
-    against = compare_with_diagnosis(prepared.measured.driven, prepared.mode, compared)
+    against = compare_with_diagnosis(prepared.measured.driven, prepared.mode, compared, progress)
     traced = join_rows([trace_loads(loads, prepared.backbone, prepared.data) for loads in asked])
     return CurveResult(predicted, prepared, against, curve=traced)
 
@@ -192,13 +194,10 @@ def diagnose(
         check(state_record, state_mode).require(despite, diagnosed=True)
     with unknown_length(progress, "diagnosing", diagnosis.HYPOTHESES) as report:
         gap = diagnosis.diagnose(record, mode, states=states, simulate=simulate, done=report)
-    against = AGREED if states or simulate or not compare else compare_with_ranking(gap.record, gap, findings, seed)
+    is_compared = compare and not (states or simulate)
+    against = compare_with_ranking(gap.record, gap, findings, seed, progress) if is_compared else AGREED
     audited = (str(finding).replace(" (caution):", ":", 1) for finding in findings.findings)
-    sampled = None
-    if posterior:
-        with progress("posterior", 1) as done:
-            sampled = corrected.sample_effects(gap.leading.best, seed)
-            done("done")
+    sampled = corrected.sample_effects(gap.leading.best, seed, progress) if posterior else None
     cautions = (*audited, *gap.cautions, *(sampled.cautions if sampled else ()))
     return DiagnosisResult(replace(gap, cautions=cautions), sampled, findings, against)
 

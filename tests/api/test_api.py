@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable
 from contextlib import contextmanager
+from dataclasses import replace
 
 import matplotlib
 import numpy as np
@@ -363,6 +365,25 @@ def test_progress_is_seen(record):
     names = ["viscous", "viscous + displacement-velocity", "viscous + velocity-squared"]
     assert [seen[0], *sorted(seen[1:])] == [("ranking", 3), *names]  # in the order of weighing
     assert ranking.CRITERION in dp.rank(record).title
+
+
+@pytest.mark.usefixtures("few_laws")
+def test_progress_of_a_comparison_with_the_other_command_is_seen(record, mode):
+    titles, done = [], Counter()
+
+    @contextmanager
+    def progress(title, total):
+        titles.append(title)
+        yield lambda what, parts=1: done.update({title: 1})
+
+    simulated = replace(mode, damping={"viscous": {"coefficient": 1.5}})
+    dp.extrapolate(record, simulated, [60.0], progress=progress)
+    assert titles == ["weighing laws", "sampling", "comparing"]
+    titles.clear()
+    dp.diagnose(record, simulated, posterior=True, progress=progress)
+    assert titles == ["diagnosing", "weighing laws", "sampling", "posterior"]
+    assert done["comparing"] > 2
+    assert done["posterior"] > 80  # steps of a chain at least
 
 
 def test_weights_of_loads_that_are_not_those_of_the_ranking_are_explained(record, mode, few_laws):

@@ -14,6 +14,7 @@ import tomllib
 import warnings
 from dataclasses import replace
 from functools import cache
+from itertools import product
 from pathlib import Path
 
 import h5py
@@ -37,6 +38,7 @@ from damping.campaign.runs import CampaignRun, DesignLevel, read_corrections
 from damping.campaign.sources import read_runs
 from damping.campaign.values import At, Response, SensorPrediction
 from damping.errors import AnalysisError, InputError
+from damping.formats.arrays import read_arrays
 from damping.formats.series import Summary
 from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
@@ -648,6 +650,29 @@ def test_histories_with_a_drive_are_tracked(tmp_path, ending, monkeypatch):
     scaled = steady["amplitude_3"] * (steady["frequency"] / F_N) ** 2
     np.testing.assert_allclose(np.median(scaled), 2.0 * THIRD, rtol=0.05)  # noise of 0.002 m/s^2 in windows of 250
     np.testing.assert_allclose(np.median(steady["phase_3"]), LAG_3, atol=0.05)
+
+
+@pytest.mark.parametrize("drive", ["tip2", "force"])
+def test_a_group_of_a_tdms_file_is_read_without_the_others(tmp_path, monkeypatch, drive):
+    """Decays, or histories with a drive: memory does not grow with the number of runs."""
+    t, read = np.arange(0.0, 30.0, 2e-3), []
+    x = np.cos(2.0 * np.pi * (8.0 * t + 0.1 * t**2)) if drive == "force" else np.exp(-t) * np.cos(60.0 * t)
+    with TdmsWriter(tmp_path / "a.tdms") as file:
+        for group, name in product(("run 1", "run 2"), ("tip", drive)):
+            about = {"wf_increment": 2e-3, "unit_string": "N" if name == "force" else "m/s^2"}
+            file.write_segment([ChannelObject(group, name, x, about)])
+
+    def spy(*args, **named):
+        found = read_arrays(*args, **named)
+        read.append({name.partition("/")[0] for name in found.arrays})
+        return found
+
+    monkeypatch.setattr("damping.campaign.sources.read_arrays", spy)
+    monkeypatch.setattr("damping.formats.arrays.read_arrays", spy)
+    assert len(read_runs([tmp_path / "a.tdms"], SIZE)[0]) == 2
+    first, *runs = read
+    assert first == {"run 1", "run 2"}  # a sample of each, for what the file holds
+    assert all(len(groups) <= 1 for groups in runs)
 
 
 def test_broken_tables_of_time(tmp_path):

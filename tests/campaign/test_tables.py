@@ -352,6 +352,12 @@ def test_levels_side_by_side_in_a_file_of_arrays_are_runs(tmp_path, kind):
     assert [run.level for run in runs] == list(LEVELS)
     for run, level in zip(runs, LEVELS, strict=True):
         np.testing.assert_allclose(run.channels[0].samples, TRUTH[level][0], rtol=1e-9)
+    stated = Stated(response="displacement", units={"response": "mm"} if kind == "mat" else {})
+    record = steady_record(read_file(path, stated)[0], stated, "a", Summary()).frame
+    assert set(record["force"]) == set(LEVELS)
+    for level, rows in record.groupby("force"):
+        x = rows["amplitude"] * np.exp(-1j * rows["phase"])
+        np.testing.assert_allclose(x, 1e-3 * TRUTH[level][0], rtol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -496,6 +502,14 @@ def test_rows_that_do_not_agree_stay_apart(tmp_path, second):
     assert sorted(len(run.x) for run in runs) == sorted([len(COARSE), len(second)])
     assert any("2 sweeps one below the other" in note for note in summary.notes)
     assert import_tip(content, tmp_path / "b.csv")[0].groupby("sweep").ngroups == 2
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_rows_about_a_resonance_near_the_end_of_a_sweep_join_it_only_if_they_agree(tmp_path, way):
+    """They go back by less than half of the sweep."""
+    for moved, rows in ((1.0, [len(COARSE) + 41]), (1.0015, [len(COARSE), 41])):
+        content = pd.concat([rows_at(COARSE[::-1], 2.0), rows_at(CLOSE[:41][::way], 2.0, moved=moved)])
+        assert list(import_tip(content, tmp_path / "b.csv")[0].groupby("sweep", sort=False).size()) == rows
 
 
 def test_rows_of_before_a_sweep_do_not_refine_it(tmp_path):

@@ -4,6 +4,7 @@ import tracemalloc
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.special import ndtri
 
@@ -18,11 +19,14 @@ from damping.extrapolation.draws import (
     find_quantiles,
 )
 from damping.extrapolation.prediction import PARTS, linear_amplitude, predict
+from damping.extrapolation.prepared import prepare_record
 from damping.infer import doubt
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, JointEvidence
 from damping.infer.evidence import evidence
 from damping.infer.law import Coordinates, Law
+from damping.records import audit
 from damping.records.mode import read_mode
+from damping.records.record import Record
 from damping_reed1970 import data_folder
 
 #: As probable as before, and not about to let go.
@@ -307,6 +311,21 @@ def test_many_forces_take_no_more_memory_than_a_few(saturn):
         for band, single in ((loads.average, alone.average), (loads.by_model[0], alone.by_model[0])):
             np.testing.assert_allclose([band.low[i], band.median[i]], [single.low[0], single.median[0]], rtol=1e-9)
         assert loads.cautions[i] == alone.cautions[0]
+
+
+def test_many_levels_take_little_memory():
+    """The covariances of 100 levels of thousands of draws took 500 MB at once."""
+    force, rng = np.geomspace(1.0, 20.0, 100), np.random.default_rng(3)
+    columns = {"sweep": np.arange(100).astype(str), "force": force, "frequency": 1.7}
+    record = Record(pd.DataFrame(columns).assign(amplitude=0.1 * force * np.exp(0.02 * rng.normal(size=100))))
+    data = prepare_record(record, None, audit(record)).all_rows
+    of_law = member(("viscous",), data)
+    tracemalloc.start()
+    try:
+        draw_spread(of_law, np.array([30.0]), data, 0.0, rng)
+        assert tracemalloc.get_traced_memory()[1] < 1e8
+    finally:
+        tracemalloc.stop()
 
 
 def test_the_largest_tested_force_is_not_beyond_the_test(saturn):

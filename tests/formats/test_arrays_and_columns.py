@@ -372,6 +372,11 @@ def test_an_imaginary_part_alone_is_no_response(tmp_path, imported, write, colum
         ("a,b\n1,2\n", {"frequency": "f"}, r"line 1: no column 'f'; expected one of a, b"),
         ("freq,b\n1,2\n", {"frequency": "frq"}, r"no column 'frq' \(is 'freq' meant\?\)"),
         ("f,f\n1,2\n", {"frequency": "f"}, "several columns are 'f'"),
+        (
+            "f,a\n" + 200 * "1,2\n" + "end\n",
+            {"frequency": "f", "amplitude": "a"},
+            "line 202: 1 cell in the row; expected 2",
+        ),
         ("f,a\n1,2\n1,2,3\n", {"frequency": "f", "amplitude": "a"}, "line 3: 3 cells in the row; expected 2"),
         ("f,a\n1,x\n", {"frequency": "f", "amplitude": "a"}, "line 2, column a: 'x' is not a number"),
         ("f,a\n", {"frequency": "f", "amplitude": "a"}, "no data rows"),

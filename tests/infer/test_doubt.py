@@ -52,7 +52,9 @@ def test_draws_given_the_levels_are_those_of_the_normal_law():
     at, within, beyond, n = np.array([-0.7, 0.0, 0.7]), np.array([0.3, 0.7]), np.array([1.2, 2.1]), 40_000
     left, variance = np.array([0.02, -0.01, 0.05]), np.array([1e-4, 4e-4, 1e-4])
     noise, grid = np.ones((n, 1, 1)) * np.diag(variance), np.concatenate([within, beyond])
-    mean, drawn = stray(np.full(n, 0.2), np.ones((n, 1)) * left, noise, at, within, beyond, np.random.default_rng(0))
+    mean, drawn = stray(
+        np.full(n, 0.2), np.ones((n, 1)) * left, noise.__getitem__, at, within, beyond, np.random.default_rng(0)
+    )
     K = 0.04 * stray_covariance(np.append(at, grid), np.append(at, grid), 0.0)
     gain = K[3:, :3] @ np.linalg.inv(K[:3, :3] + np.diag(variance))
     exact = K[3:, 3:] - gain @ K[:3, 3:]
@@ -70,7 +72,7 @@ def test_paths_do_not_depend_on_how_far_they_are_followed():
     sigma, left, noise = np.full(500, 0.1), np.zeros((500, 4)), np.tile(1e-4 * np.eye(4), (500, 1, 1))
 
     def draw(within, number):
-        return stray(sigma, left, noise, at, np.log(within), steps[:number], np.random.default_rng(3))[1]
+        return stray(sigma, left, noise.__getitem__, at, np.log(within), steps[:number], np.random.default_rng(3))[1]
 
     near, far = draw([1.2, 1.5], 2), draw([1.2, 1.3, 1.5, 1.8], 9)
     np.testing.assert_allclose(near, far[:, [0, 2, 4, 5]], atol=1e-12)  # of the order of .1

@@ -453,6 +453,13 @@ def test_tolerances_in_per_cents_are_doubted(per_cents):
     assert said == [("units", "caution", f"the mode file states {what}")] * per_cents
 
 
+@pytest.mark.parametrize(("unit", "doubts"), [("ms", 1), ("min", 1), ("s", 0), ("", 0)])
+def test_a_unit_of_time_beside_hertz_is_doubted(unit, doubts):
+    table = pd.DataFrame({"sweep": ["a"], "force": [1.0], "frequency": [60.0], "amplitude": [1.0]})
+    mode = Mode(name="x", frequency=60.0, mass=1.0, units=Units("N", "m", unit))
+    assert sum("unit of time" in finding.what for finding in audit(Record(table), mode).findings) == doubts
+
+
 @pytest.mark.parametrize(("unit", "doubts"), [("g", 1), ("N", 0), ("m/s^2", 0)])
 def test_a_base_acceleration_named_in_g_beside_metres_is_doubted(unit, doubts):
     """Participation 0.2: as 1.96 it would be plausible, and a design level in g would be read in m/s^2."""
@@ -488,6 +495,25 @@ def test_sweeps_whose_rows_have_a_label_each_are_named(labelled):
     record = Record(pd.DataFrame(rows))
     found = audit(record, Mode(name="x", frequency=25.0, mass=1.0)).findings
     assert [one.check for one in found] == ["mixed-levels"] * (not labelled)
+
+
+@pytest.mark.parametrize(
+    ("order", "size", "said"),
+    [
+        (1, 1.0, "system: velocity for displacement?"),
+        (2, 1.0, "system: acceleration for displacement?"),
+        (2, 9.80665, "system: acceleration in g for displacement in m?"),
+    ],
+)
+def test_motions_that_are_no_displacements_are_named(order, size, said):
+    """At 10 Hz a velocity in m/s is 62.8 times the displacement, near the 57.3 degrees of a radian."""
+    f = np.linspace(9.0, 11.0, 41)
+    q = 1.0 / (5.0 * (2 * np.pi) ** 2 * (100.0 - f**2 + 0.4j * f))
+    amplitude = abs(q) * (2.0 * np.pi * f) ** order / size
+    table = pd.DataFrame({"sweep": "a", "force": 1.0, "frequency": f, "amplitude": amplitude, "phase": -np.angle(q)})
+    finding = audit(Record(table), Mode(name="x", frequency=10.0, mass=5.0)).findings[0]
+    assert (finding.check, finding.verdict) == ("units", "refuse")
+    assert said in finding.advice
 
 
 def test_degrees_for_an_angle_in_rad_are_named():

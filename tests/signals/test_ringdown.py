@@ -265,6 +265,22 @@ def test_another_blow_after_a_decay_is_no_tone_beside_it() -> None:
     assert not any("does not decay" in note for note in decay(t, x + again + noise).notes)
 
 
+@pytest.mark.parametrize("friction", [0.01, 0.003])
+def test_motion_that_friction_stops_is_no_tone_beside_it(friction: float) -> None:
+    """Each half period friction shifts the middle of the motion and takes 2 f, until the spring cannot overcome it."""
+    t = exponential(0.008, 120)[0]
+    half = (omega_n * t / np.pi).astype(int)
+    ends = 1.0 - 2.0 * friction * np.arange(half[-1] + 2)  # its sizes where it turns
+    rest = int(np.argmax(ends < friction))
+    turned = (-1.0) ** half * friction + (ends[half] - friction) * np.cos(omega_n * t)
+    x = np.where(half < rest, turned, (-1.0) ** rest * ends[rest])
+    acceleration = np.where(half < rest, -(omega_n**2) * (ends[half] - friction) * np.cos(omega_n * t), 0.0)
+    noise = 1e-4 * np.random.default_rng(2).standard_normal(len(t))
+    for motion, order in ((x, 0), (acceleration / omega_n**2, 2)):
+        levels = decay(t, motion + noise, order=order)
+        assert not any("does not decay" in note for note in levels.notes)
+
+
 def test_a_decay_too_short_for_a_level_is_said() -> None:
     t, x = exponential(0.01, 60)
     with pytest.raises(AnalysisError, match=r"no level of the decay .*; above the noise it lasts .* s, too short"):

@@ -96,12 +96,21 @@ def _read_peaks(level: Level, at: At) -> dict[str, tuple[float, float, float]]:
     return bands
 
 
-def describe_turned(tested: Sequence[At], drive_unit: str) -> str:
-    """A caution if from the lowest to the highest level a peak grows more, or less, than that of the largest sensor."""
+def describe_turned(levels: Sequence[Level], mode: int, tested: Sequence[At], drive_unit: str) -> str:
+    """A caution if from the lowest to the highest level a peak grows more, or less, than that of the largest sensor.
+
+    The peaks are those of the mode alone, without the motion of the base and of other modes.
+    """
     first, last = tested[0], tested[-1]
-    grown = {a.sensor: b.band[0] / a.band[0] for a, b in zip(first.response, last.response, strict=False)}
     largest = first.largest
-    if largest is None or len(grown) < 2:
+    if largest is None or last.ratio is None:
+        return ""
+    low, high = (
+        _read_peaks(replace(level, H=level.fit.rest(level.f, level.H, mode)), at)
+        for level, at in ((levels[0], first), (levels[-1], last))
+    )
+    grown = {sensor: high[sensor][0] / low[sensor][0] for sensor in low if sensor in high}
+    if largest.sensor not in grown:
         return ""
     apart = {sensor: log(times / grown[largest.sensor]) for sensor, times in grown.items()}
     most = max(apart, key=lambda sensor: abs(apart[sensor]))

@@ -207,10 +207,11 @@ def _list_channel_runs(source: Source, kind: str, contents: Arrays) -> list[Camp
         start, step = next(iter(steps))
         drive = source.stated.choose_drive(dict(units))
         if drive is None:
-            arrays = read_arrays(source.file, kind, [], source.most).arrays
+            arrays = read_arrays(source.file, kind, paths if kind == "tdms" else [], source.most).arrays
             t = np.asarray(start + step * np.arange(next(iter(sizes))[0]))
             runs.append(source.make_decay(label, t, units, [arrays[path][0].reshape(-1) for path in paths]))
         else:
-            blocks = read_blocks(source.file, kind, paths, max(SAMPLES // len(contents.known), 1), together=True)
+            most = max(SAMPLES // len(contents.known), 1)
+            blocks = read_blocks(source.file, kind, paths, most, together=kind != "tdms")
             runs.append(source.track(label, units, drive, step, blocks))
     return runs

@@ -14,7 +14,7 @@ width of the band at the design force is averaged over readings.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -146,10 +146,10 @@ def draw_spread(
     else:
         row = np.maximum(row, repeatability)
     sigma, noise = member.coordinates.doubt(draws, parts), row**2 + level**2
-    deviations, errors, known = (part[which] for part in _levels(damping, row, level, data))
+    deviations, errors, known = _levels(damping, row, level, data)
     of_noise, of_paths = rng.spawn(2)
     places = (np.append(within, top), steps[1:])
-    mean, drawn = stray(sigma[which], deviations, errors, tested, *places, of_paths)
+    mean, drawn = stray(sigma[which], deviations[which], lambda of: errors(which[of]), tested, *places, of_paths)
 
     def follow(strays: FloatArray, *, lets_go: bool) -> FloatArray:
         log_A = np.empty(of_law.shape)
@@ -161,7 +161,7 @@ def draw_spread(
 
     law = follow(mean, lets_go=False)  # a joint that lets go is part of the straying
     # the same noise at all forces keeps bands smooth
-    noise = np.sqrt(noise[which] + known) * of_noise.standard_normal(len(which))
+    noise = np.sqrt(noise[which] + known[which]) * of_noise.standard_normal(len(which))
     strayed = follow(drawn, lets_go=True) - law
     short = damping.quadrature(data.tested_amplitude[data.top], data.tested_omega[data.top]) < np.exp(asked)
     return Spread(law, strayed, np.broadcast_to(noise[:, None], law.shape), np.isfinite(of_law), short[which])
@@ -169,19 +169,22 @@ def draw_spread(
 
 def _levels(
     damping: Sum, row: FloatArray, level: FloatArray, data: Observations
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """ln A of each level minus that of the law, (draws, sweeps); covariance of its errors, (draws, sweeps, sweeps);
-    mean stated variance of a row, (draws,)."""
+) -> tuple[FloatArray, Callable[[IntArray], FloatArray], FloatArray]:
+    """ln A of each level minus that of the law, (draws, sweeps); covariance of its errors, (chosen, sweeps, sweeps), a
+    function of chosen draws; mean stated variance of a row, (draws,)."""
     n, h, known = residuals(damping, data)
     weight = h / (row[:, None] ** 2 + known)
     hh, hn = (by_sweep(weight * value, data) for value in (h, n))
     hh = np.maximum(hh, 1e-6)  # a level whose rows do not determine its amplitude
-    errors = scatter_covariance(row, level, data) + np.eye(hh.shape[1]) / hh[:, None, :]
-    if data.amplitude_is_input:  # n is of force: ln A is off by 1/p times as much
-        p = level_exponents(damping, data)
-        hn, errors = hn / p, errors / (p[:, :, None] * p[:, None, :])
+    # n of decays is of force: ln A is off by 1/p times as much
+    p = level_exponents(damping, data) if data.amplitude_is_input else np.ones(hh.shape)
+
+    def errors(of: IntArray) -> FloatArray:
+        covariance = scatter_covariance(row[of], level[of], data) + np.eye(hh.shape[1]) / hh[of, None, :]
+        return covariance / (p[of, :, None] * p[of, None, :]) if data.amplitude_is_input else covariance
+
     # n > 0 if more force was needed than the law predicts: the law's amplitude exceeds the measured one
-    return -hn / hh, errors, known.mean(axis=1)
+    return -hn / p / hh, errors, known.mean(axis=1)
 
 
 def amplitude_draws(member: Member, force: FloatArray, data: Observations) -> FloatArray:

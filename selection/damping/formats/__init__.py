@@ -21,7 +21,7 @@ from damping.formats.cells import DECIMALS
 from damping.formats.columns import DELIMITERS, Layout, TextTable, find_roles, open_table
 from damping.formats.conversion import RESPONSES, SCALINGS
 from damping.formats.headers import ABSCISSAS, NAMES, ROLES
-from damping.formats.levels import LevelTable, split_levels
+from damping.formats.levels import LevelTable, split_levels, write_levels
 from damping.formats.named import UNIT_OF, list_units, note_unheeded_units, require_linear, to_series
 from damping.formats.quantity import SYSTEMS
 from damping.formats.sampling import find_rows
@@ -60,7 +60,18 @@ def _list_series(path: str | Path, stated: Stated, summary: Summary, max_size: i
     kind = find_format(path, stated, summary)
     _heeded(stated, kind)
     if kind in _ARRAYS:
-        return _list_part_series(path, kind, stated, summary, max_size)
+        own = Summary()
+        try:
+            series = _list_part_series(path, kind, stated, own, max_size)
+        except InputError:
+            data = write_levels(path, kind, max_size)
+            levels = split_levels(open_table(data, "tab", decimal="point")) if data else []
+            if not levels:
+                raise
+            stated = replace(stated, delimiter="tab", decimal="point")
+            return [one for level in levels for one in _list_table_series(level, path, "csv", stated, summary)]
+        summary.extend(own)
+        return series
     data = read_bytes(path, max_size)
     if kind == "uff":
         return read_uff(data, summary, stated.datasets, stated.labels)
@@ -86,8 +97,7 @@ def _list_part_series(path: str | Path, kind: str, stated: Stated, summary: Summ
             rows = parts.pop() if len(parts) == 1 else None
             series = list_array_series(path, kind, stated, own, max_size, rows) if rows else []
             if rows and all(_holds(row.abscissa, rows, stated.span) for row in series):
-                summary.rows += own.rows
-                summary.notes += own.notes
+                summary.extend(own)
                 return series
     return list_array_series(path, kind, stated, summary, max_size)
 

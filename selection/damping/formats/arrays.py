@@ -116,7 +116,7 @@ def read_blocks(
 ) -> Iterator[FloatArray]:
     """Samples (names, n) of arrays of equal length, at most ``count`` of each at a time.
 
-    ``together``: they are channels, and the file's channels are always read together.
+    ``together``: they are channels of a file whose channels are always read together.
     """
     first = 0
     while True:

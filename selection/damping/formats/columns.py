@@ -16,7 +16,7 @@ from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.cells import DECIMALS, NUMBER, Thousands, read_number
 from damping.formats.headers import PHASES, ColumnHeader, find_shared_name, merge_units, parse_header, recognise
-from damping.records.text import CsvRows, describe_cell, describe_meant, describe_shortened, recode, unguarded
+from damping.records.text import CsvRows, count, describe_cell, describe_meant, describe_shortened, recode, unguarded
 
 _LONGEST_LINE = 1_000_000
 _LOOKED_AT = 60  # lines from which the layout is determined
@@ -150,7 +150,9 @@ class TextTable:
         thousands = Thousands(is_possible=self.is_doubtful)
         for line, row in rows:
             if len(row) != len(names):
-                raise InputError(f"{len(row)} cells in the row", line=line, expected=f"{len(names)} as in the header")
+                raise InputError(
+                    f"{count(len(row), 'cell')} in the row", line=line, expected=f"{len(names)} as in the header"
+                )
             for role, column in values.items():
                 column.append(read_number(row[places[role]], decimal, line, names[places[role]]))
                 if role in gapless and not isfinite(column[-1]):

@@ -3,12 +3,18 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import prod
+from pathlib import Path
+
+import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
+from damping.formats.arrays import read_arrays
 from damping.formats.columns import TextTable
 from damping.formats.headers import NAMES, SCALING_WITHIN, ColumnHeader, parse_header, recognise
 from damping.formats.quantity import find_powers, unit
+from damping.formats.sampling import split
 from damping.records.text import describe_shortened
 
 #: A level in a label: a number with a unit, as 0.5 g, 0,5 g or, in names of files, 0p5g.
@@ -18,6 +24,7 @@ LEVEL = re.compile(
 DRIVE = re.compile(r"(?i)\b(control|ctrl|drive|base|input|force|shaker|reference)\b")  #: names of channels that drive
 #: Names of numbered drive channels, such as ``force_1``.
 NUMBERED = re.compile(r"(?i)(?:^|[\W_])(?:control|drive|base|input|force|shaker)[ _-]?\d+$")
+_MOST_ROWS = 100_000  # of a sweep: longer arrays are histories
 _MARKS = " _-@:;,|"  # beside a level
 
 
@@ -43,6 +50,26 @@ class LevelTable(TextTable):
     def read(self, places: Mapping[str, int]) -> tuple[dict[str, FloatArray], tuple[str, ...] | None]:
         """As of the whole table."""
         return self.whole.read({role: self.places[place] for role, place in places.items()})
+
+
+def write_levels(path: str | Path, kind: str, max_size: int) -> bytes | None:
+    """Levels side by side in a file of arrays as a text table with tabs; None if the names of its arrays hold none.
+
+    It has every array of real numbers that is as long as those of the levels. InputError: as of ``read_arrays``.
+    """
+    contents = read_arrays(path, kind, [], None, rows=(0, 1))
+    known, steps = contents.known, contents.steps
+    lengths = {prod(known[name]) for name in known if find_level(_space(split(name)[-1]))}
+    names = [name for name, shape in known.items() if {prod(shape)} == lengths and name not in steps]
+    if not names or max(lengths) > _MOST_ROWS:
+        return None
+    contents = read_arrays(path, kind, names, max_size)
+    columns = {name: contents.arrays[name][0].reshape(-1) for name in names if name in contents.arrays}
+    columns = {name: values for name, values in columns.items() if not np.iscomplexobj(values)}
+    units = {name: f" [{contents.units[name]}]" if name in contents.units else "" for name in columns}
+    rows = [[f"{split(name)[-1]}{units[name]}" for name in columns]]
+    rows += [[repr(float(value)) for value in row] for row in zip(*columns.values(), strict=True)]
+    return "".join("\t".join(row) + "\n" for row in rows).encode()
 
 
 def split_levels(table: TextTable) -> list[LevelTable]:

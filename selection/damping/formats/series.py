@@ -95,6 +95,11 @@ class Summary:
         if text not in self.notes:
             self.notes.append(text)
 
+    def extend(self, other: "Summary") -> None:
+        """Add the rows and notes of another."""
+        self.rows += other.rows
+        self.notes += other.notes
+
     @property
     def table(self) -> pd.DataFrame:
         """The rows as a table."""

@@ -10,7 +10,7 @@ from math import inf, isfinite
 
 import numpy as np
 
-from damping.arrays import FloatArray, IntArray
+from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.formats.series import Samples, Series, Summary
 from damping.records.resonance import number_levels
 
@@ -91,11 +91,22 @@ def _find_levels_in_disorder(whole: Series) -> IntArray | None:
     return levels if levels.max() > 0 and (levels.max() + 1) * _FEWEST_ROWS <= len(levels) else None
 
 
-def _goes_back(onward: FloatArray) -> float:
-    """How far the frequency moves before it turns again: at once to the next sweep, or down a sweep."""
-    way = np.sign(np.diff(onward))
-    turns = np.flatnonzero(way * way[0] < 0.0)
-    return float(abs(onward[turns[0] if len(turns) else -1] - onward[0]))
+def _restarts(passed: FloatArray, onward: FloatArray) -> bool:
+    """Whether frequencies that go back from the last one ``passed``, the first ``onward``, are of another sweep.
+
+    Before they turn again they move far, at once or down a sweep; or those to the next turn refine what was passed.
+    """
+    if abs(onward[_find_turn(onward)] - onward[0]) > _RESTART * np.ptp(passed):
+        return True
+    run = onward[1 : 2 + _find_turn(onward[1:])]
+    return len(run) >= _FEWEST_ROWS and _find_shared(np.sort(passed), np.sort(run)) is not None
+
+
+def _find_turn(f: FloatArray) -> int:
+    """Index at which frequencies (n,) turn first, else of the last."""
+    way = np.sign(np.diff(f))
+    turns = np.flatnonzero(way * way[:1] < 0.0)
+    return int(turns[0]) if len(turns) else len(f) - 1
 
 
 def _take_rows(whole: Series, label: str, rows: list[int]) -> Series:
@@ -106,7 +117,8 @@ def _take_rows(whole: Series, label: str, rows: list[int]) -> Series:
 
 
 def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
-    """Rows at which a new sweep begins: the frequency goes back by half its range, or turns where the force changes.
+    """Rows at which a new sweep begins: the frequency goes back by half its range or to rows that refine the sweep, or
+    turns where the force changes.
 
     Within a sweep a nearly constant force may change in its last digit while the frequency goes on.
     """
@@ -117,7 +129,7 @@ def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
         passed = frequency[rows[first:k]]
         step = frequency[rows[k]] - passed[-1]
         back = step * (passed[-1] - passed[0]) < 0.0
-        if back and len(passed) >= _FEWEST_ROWS and _goes_back(frequency[rows[k - 1 :]]) > _RESTART * np.ptp(passed):
+        if back and len(passed) >= _FEWEST_ROWS and _restarts(passed, frequency[rows[k - 1 :]]):
             turns_in_steps = abs(step) <= _RESTART * np.ptp(passed)
             first = k - 1 if turns_in_steps and passed[-1] == passed[-2] else k  # the end of both sweeps
             starts.add(int(rows[first]))
@@ -172,16 +184,8 @@ def find_refined(sweeps: Sequence[SweepMotion]) -> list[int]:
 
 def _measure_apart(coarse: SweepMotion, fine: SweepMotion) -> float:
     """Root mean square difference of the forces, as a share, of a sweep and its refinement; infinite if it is none."""
-    if min(len(coarse.f), len(fine.f)) < _FEWEST_ROWS or not coarse.f[0] <= fine.f[0] <= fine.f[-1] <= coarse.f[-1]:
-        return inf
-    steps, own = np.diff(fine.f), np.gradient(coarse.f)
-    step = float(np.median(steps))
-    after = np.clip(np.searchsorted(fine.f, coarse.f), 1, len(steps))
-    shared = (coarse.f >= fine.f[0]) & (coarse.f <= fine.f[-1]) & (steps[after - 1] <= _GAP * step)
-    covered = float(np.sum(steps[steps <= _GAP * step]))
-    if np.count_nonzero(shared) < _FEWEST_SHARED or covered > _FINER * np.ptp(coarse.f):
-        return inf
-    if step > _FINER * np.median(own[shared]):
+    shared = _find_shared(coarse.f, fine.f)
+    if shared is None:
         return inf
     f, apart = coarse.f[shared], []
     same = np.isin(fine.f, f)
@@ -191,6 +195,20 @@ def _measure_apart(coarse: SweepMotion, fine: SweepMotion) -> float:
         apart.append(float(np.linalg.norm(here - first[shared]) / size) if size > 0.0 else float(np.any(second)))
     is_copy = same.any() and max(apart) == 0.0  # rows identical in every column are no data
     return apart[0] if max(apart) <= _AGREES and not is_copy else inf
+
+
+def _find_shared(coarse: FloatArray, fine: FloatArray) -> BoolArray | None:
+    """Which frequencies (n,) of a sweep lie among those of its refinement; None if it is none. Both rise."""
+    if min(len(coarse), len(fine)) < _FEWEST_ROWS or not coarse[0] <= fine[0] <= fine[-1] <= coarse[-1]:
+        return None
+    steps, own = np.diff(fine), np.gradient(coarse)
+    step = float(np.median(steps))
+    after = np.clip(np.searchsorted(fine, coarse), 1, len(steps))
+    shared: BoolArray = (coarse >= fine[0]) & (coarse <= fine[-1]) & (steps[after - 1] <= _GAP * step)
+    covered = float(np.sum(steps[steps <= _GAP * step]))
+    if np.count_nonzero(shared) < _FEWEST_SHARED or covered > _FINER * np.ptp(coarse):
+        return None
+    return shared if step <= _FINER * np.median(own[shared]) else None
 
 
 def join_refined(series: Sequence[Series], summary: Summary) -> list[Series]:

@@ -20,6 +20,7 @@ from damping.gap.simulation import NO_SCATTER, within_tolerance
 from damping.infer.chains import Chains, Settings, Target, run
 from damping.infer.importance import importance
 from damping.infer.likelihood import by_blocks, log_prior
+from damping.progress import Progress, silent, unknown_length
 from damping.records.mode import Mode
 
 #: Number of draws behind each interval; content of every interval of a diagnosis.
@@ -213,13 +214,15 @@ class EffectPosterior:
 
 
 @np.errstate(all="ignore")  # some draws are impossible models, of density zero
-def sample_effects(leading: ModelFit, seed: int) -> EffectPosterior:
+def sample_effects(leading: ModelFit, seed: int, progress: Progress = silent) -> EffectPosterior:
     """Sample the parameters of an explanation, or of the simulation where no effect is blamed."""
     density = partial(log_density, leading)
     variables = leading.model.size
     start = importance(density, leading.y[:variables], leading.covariance[:variables, :variables], seed)
     target = Target(density, variables, partial(parameters, leading))
-    chains = run(target, start, seed, Settings().within(_WORK, len(leading.model.problem.rows)))
+    settings = Settings().within(_WORK, len(leading.model.problem.rows))
+    with unknown_length(progress, "posterior", settings.first) as done:
+        chains = run(target, start, seed, settings, done)
     values = parameters(leading, chains.x.reshape(-1, variables))
     table = np.column_stack(list(values.values()))
     return EffectPosterior(tuple(values), table, start.log_z, start.standard_error, chains)

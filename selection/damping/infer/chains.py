@@ -29,6 +29,7 @@ from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates
 from damping.infer.observations import Observations
 from damping.infer.proposal import Proposal
+from damping.progress import nothing
 
 if TYPE_CHECKING:
     from emcee.model import Model
@@ -216,12 +217,19 @@ def sample(
     return Posterior(coordinates=coordinates, log_z=start.log_z, **vars(replace(chains, x=x)))
 
 
-def run(target: Target, start: Evidence, seed: int, settings: Settings | None = None) -> Chains:
+def run(
+    target: Target,
+    start: Evidence,
+    seed: int,
+    settings: Settings | None = None,
+    done: Callable[[str], None] = nothing,
+) -> Chains:
     """Run the walkers. The result depends on the arguments only: on one machine a seed gives the same digits.
 
     Args:
         start: draws of the density, from which the walkers start and to which the proposal is fitted.
         seed: of the moves and of the choice of starting points.
+        done: reports each weighing of points, one for each step.
     """
     import emcee  # noqa: PLC0415 - bands of importance draws need no chains
 
@@ -235,6 +243,7 @@ def run(target: Target, start: Evidence, seed: int, settings: Settings | None = 
     proposal = start.proposal  # a property that fits at each access
 
     def weigh(x: FloatArray) -> FloatArray:
+        done("step")
         return target.log_density(x) - proposal.log_density(x)
 
     move = ManyTries(weigh, proposal, settings.tries)

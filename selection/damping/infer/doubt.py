@@ -22,6 +22,7 @@ full slip; by both, :func:`extend` widens or narrows the straying. Where all lev
 may be that of a joint.
 """
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -30,6 +31,7 @@ from scipy.special import log_ndtr, logsumexp, ndtri
 
 from damping.arrays import FloatArray
 
+_MOST_COVARIANCES = 250_000  # of draws whose levels are followed together, 2 MB: they stay in a processor's cache
 #: Correlation length of the slope in ln F: about a factor of four in force.
 LENGTH = 1.5
 #: Prior of the straying slope per unit of nonlinearity: median and log standard deviation, so that 5 % lie below 0.0035
@@ -128,7 +130,7 @@ def stray_covariance(z: FloatArray, other: FloatArray, origin: float) -> FloatAr
 def stray(
     sigma: FloatArray,
     left: FloatArray,
-    noise: FloatArray,
+    noise: Callable[[slice], FloatArray],
     at: FloatArray,
     within: FloatArray,
     beyond: FloatArray,
@@ -143,7 +145,7 @@ def stray(
     Args:
         sigma: of each draw, (draws,).
         left: ln A of the levels less the law's, (draws, levels).
-        noise: covariance of its errors, (draws, levels, levels).
+        noise: covariance of its errors at a slice of the draws, (draws, levels, levels).
         at, within, beyond: ln F of the levels and of the places, rising.
     """
     number = len(sigma)
@@ -159,11 +161,14 @@ def stray(
     drawn[:, : len(within)] += by_within.standard_normal((number, 1)) * sd_within
 
     drawn *= sigma[:, None]
-    errors = (find_root(noise) @ by_errors.standard_normal((number, len(at), 1)))[..., 0]
-    square = (sigma**2)[:, None, None] * of_levels + noise
-    wanted = np.stack([left, left - sigma[:, None] * levels - errors], axis=-1)
-    gained = to_levels @ np.linalg.solve(square, wanted)
-    gained *= (sigma**2)[:, None, None]
+    random, gained = by_errors.standard_normal((number, len(at), 1)), np.empty((number, len(to_levels), 2))
+    step = max(1, _MOST_COVARIANCES // len(at) ** 2)
+    for part in (slice(first, first + step) for first in range(0, number, step)):
+        own, size = noise(part), sigma[part, None]
+        errors = (find_root(own) @ random[part])[..., 0]
+        square = (size**2)[..., None] * of_levels + own
+        wanted = np.stack([left[part], left[part] - size * levels[part] - errors], axis=-1)
+        gained[part] = to_levels @ np.linalg.solve(square, wanted) * (size**2)[..., None]
     gained[..., 1] += drawn
     return gained[..., 0], gained[..., 1]
 

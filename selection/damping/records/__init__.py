@@ -54,6 +54,7 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_units.check_velocity, ()),
     (check_units.check_tolerances, ()),
     (check_units.check_base_unit, ()),
+    (check_units.check_time_unit, ()),
     (check_units.check_uncertainties, ()),
     (check_phases.check_phase_offset, ()),
     (check_copies.check_repeats, _OF_LEVELS),

@@ -1,39 +1,14 @@
 """Checks of units and energies: columns not exchanged, one system, E <= pi F A, uncertainties as stated."""
 
-import re
-from collections.abc import Mapping
-from math import inf, log, pi
+from math import log, pi
 
 import numpy as np
 
-from damping.arrays import INCH_M, POUND_FORCE_N, STANDARD_GRAVITY_M_S2, STANDARD_GRAVITY_REPORT_IN_S2, FloatArray
+from damping.arrays import INCH_M, FloatArray
+from damping.records.factors import FACTORS, FREQUENCY_FACTORS, UNIT_FACTORS, list_motions, name_factor, name_unit
 from damping.records.mode import Mode, Units
 from damping.records.record import energy_per_cycle
 from damping.records.view import Finding, View, label_sweeps, name_sweeps, take_median
-
-#: Factors by which a quantity in a wrong unit is off, by the mistake.
-UNIT_FACTORS: dict[str, float] = {
-    "N for lb": POUND_FORCE_N,
-    "kgf for N, or g for m/s^2": STANDARD_GRAVITY_M_S2,
-    "g for in/s^2": STANDARD_GRAVITY_REPORT_IN_S2,
-    "g for ft/s^2": 32.174,
-    "lb for kg": 2.20462,
-    "mm for in": 25.4,
-    "in for m": 39.3701,
-    "in for ft": 12.0,
-    "m for ft": 3.28084,
-    "mm for m, or another factor of 1000": 1000.0,
-    "um for m, or another factor of a million": 1.0e6,
-    "g for mm/s^2": 1000.0 * STANDARD_GRAVITY_M_S2,
-    "rad/s for Hz squared": (2.0 * pi) ** 2,
-}
-#: Factors within one system of units.
-SCALING_FACTORS = {"rms for peak": 2.0**0.5, "peak-to-peak for peak": 2.0, "peak-to-peak for rms": 2.0 * 2.0**0.5}
-#: All factors that a ratio of masses may mean.
-FACTORS = UNIT_FACTORS | SCALING_FACTORS | {"degrees for rad": 180.0 / pi}
-#: Factors between frequencies.
-FREQUENCY_FACTORS = {"rad/s for Hz": 2.0 * pi, "1/min for Hz": 60.0, "kHz for Hz": 1000.0}
-
 
 #: A force is the response of a swept mode, by another name, if it falls by this factor towards both ends of the sweep;
 LIKE_PEAK = 2.0**0.7
@@ -162,7 +137,10 @@ def check_units(view: View) -> Finding | None:
     parts = [] if np.isnan(ratio) else [f"the rows imply {implied}"]
     parts.append(f"a damping ratio of {zeta:.3g} would follow")
     # factor of the mass, else the unit factor that gives the simulated damping ratio, or a typical one
-    name = name_factor(ratio) if wrong else name_unit(zeta / (view.mode.viscous_ratio or 0.01), view.mode.units)
+    factors = FACTORS if base else FACTORS | list_motions(view.mode.frequency)
+    name = (
+        name_factor(ratio, factors) if wrong else name_unit(zeta / (view.mode.viscous_ratio or 0.01), view.mode.units)
+    )
     advice = "state force, amplitude, mass in one system" + (f": {name}?" if name else "")
     return Finding("units", "refuse", "; ".join(parts), advice, view.record.sweeps)
 
@@ -206,21 +184,6 @@ def check_velocity(view: View) -> Finding | None:
     return Finding("units", "caution", what, advice, view.record.sweeps)
 
 
-def name_factor(ratio: float, factors: Mapping[str, float] = FACTORS, within: float = 0.1) -> str:
-    """Name of the factor nearest to a ratio (or its inverse); empty if none is within ``within`` in the logarithm."""
-    size = abs(log(ratio))
-    name = min(factors, key=lambda key: abs(size - log(factors[key])))
-    return name if abs(size - log(factors[name])) < within else ""
-
-
-def name_unit(ratio: float, units: Units, within: float = inf) -> str:
-    """Name of the unit factor nearest to a ratio, among those of a unit of the mode file; of all if it names none."""
-    named = {{"lbf": "lb"}.get(unit, unit) for unit in (units.force, units.length) if unit}
-    of_mode = [name for name in UNIT_FACTORS if named & set(re.findall(r"for ([^\s,/]+)", name))]
-    kept = {name: by for name, by in UNIT_FACTORS.items() if not of_mode or name in of_mode or "another factor" in name}
-    return name_factor(ratio, kept, within=within)
-
-
 LARGEST_TOLERANCE = 1.0  #: largest relative uncertainty that is believed: such a value is known to a factor of e
 
 
@@ -258,4 +221,14 @@ def check_base_unit(view: View) -> Finding | None:
         return None
     what = f"the mode file names g for the base's acceleration, which is taken in {of_base}, as its length and time say"
     advice = f"give the column force, and design levels, in {of_base}"
+    return Finding("units", "caution", what, advice, view.record.sweeps)
+
+
+def check_time_unit(view: View) -> Finding | None:
+    """A unit of time that is not the second: frequencies are in Hz, so coefficients and masses are per second."""
+    text = view.mode.units.time if view.mode else ""
+    if text.lower() in ("", "s", "sec", "second", "seconds"):
+        return None
+    what = f"the mode file names {text} as the unit of time, while frequencies are in Hz"
+    advice = 'coefficients are found in seconds: give time = "s", and the mass in the unit of force times s^2/length'
     return Finding("units", "caution", what, advice, view.record.sweeps)

@@ -92,11 +92,13 @@ def find_return(size: FloatArray, least: float, pause: int) -> float:
     """Largest amplitude (n,) above ``least`` that has grown from a smaller one before it, or that stays; 0 if none.
 
     A tone beside the mode beats with its decay as soon as this has come down to it; one at its frequency is a floor at
-    the end. What follows more than ``pause`` samples without motion is another blow.
+    the end. What follows more than ``pause`` samples without motion is another blow; ``pause`` is the length of the
+    window, whose negative ends make a motion that stops at once, as with friction, grow within it.
     """
     moving = np.flatnonzero(size > least)
     pauses = np.flatnonzero(np.diff(moving) > pause)
-    size = size[: moving[pauses[0]] + 1] if len(pauses) else size
+    last = int(moving[pauses[0] if len(pauses) else -1]) if len(moving) else 0
+    size = size[: max(last - pause, 0) + 1] if last < len(size) - 1 else size
     grown = size[(size > LARGEST_GROWTH * np.minimum.accumulate(size)) & (size > least)]
     return float(np.max(grown, initial=_find_floor(size, least)))
 
