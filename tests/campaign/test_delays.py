@@ -63,6 +63,7 @@ def test_a_delay_of_all_sensors_is_named_and_removed(tmp_path, delay, few_laws):
         assert form["delay"] is None
         assert not notes
     for mode in answer.modes:
+        assert not mode.shape_caution  # peaks grow apart by 8 %, as the base and the other mode do not grow alike
         f = np.linspace(0.98 * mode.frequency, 1.02 * mode.frequency, 2001)
         for at in mode.places:
             peaks = np.max(np.abs(read(f, at.level, MODES, SHAPES, 0.0)), axis=1)

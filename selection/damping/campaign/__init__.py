@@ -173,7 +173,7 @@ def _answer_driven(
     swept = float(levels[-1].f.min()), float(levels[-1].f.max())
     wanted = places[len(levels) :][: len(design)]
     notches = [find_notches(*known, at.level, limits, swept, run.drive_unit) for at in wanted]
-    turned = describe_turned(levels, own.mode.number, places[: len(levels)], run.drive_unit)
+    turned = describe_turned(own, forecasts, places[: len(levels)], run.drive_unit)
     if turned:
         wanted = [replace(at, cautions=(*at.cautions, turned)) for at in wanted]
     answers = (*places[: len(levels)], *wanted)

@@ -21,7 +21,7 @@ _SEARCHED = 1.5  #: half of the range around a resonance that is searched for it
 _APART = 0.05
 _SLOPES = (-0.9, 0.97)  #: range of the slope of damping with amplitude, as in the fit
 _TOP = 0.85  #: rows with at least this share of the largest reading are on the top of a peak
-#: Change of a sensor's peak relative to the largest, in ln, that is reported: five times the noise of measured peaks.
+#: Change of a peak beside the largest, in ln, that no fixed shape explains: five times the noise of measured peaks.
 _TURNED = 5.0 * LEAST_SPREAD
 _FEWEST_ON_TOP = 5  #: fewest rows by which the top of a peak is known: two more than its parabola has parameters
 
@@ -54,10 +54,11 @@ def add_responses(levels: Sequence[Level], own: Forecast, forecasts: Sequence[Fo
     if at.ratio is None:
         return at
     tested = at.tested and level is levels[place]
-    residues = mode.residues_at(level) if tested else (mode.residues, mode.residues_sd)
-    others = [(one.mode.number, one.answer.places[place]) for one in forecasts]
-    fits = (level.fit,) if at.tested else tuple(_move_modes(level, others, part) for part in range(3))
-    response = tuple(_list_responses(level, fits, mode.number, residues, at))
+    if at.tested:
+        residues = mode.residues_at(level) if tested else (mode.residues, mode.residues_sd)
+        response = tuple(_list_responses(level, (level.fit,), mode.number, residues, at))
+    else:
+        response = _foresee(level, own, forecasts, place)
     if at.tested and own.is_steady:
         peaks = _read_peaks(levels[place], at)
         pairs = [(one, peaks.get(one.sensor, one.band)) for one in response]
@@ -65,6 +66,14 @@ def add_responses(levels: Sequence[Level], own: Forecast, forecasts: Sequence[Fo
             one if tested and one.band[1] <= read[0] <= one.band[2] else replace(one, band=read) for one, read in pairs
         )
     return replace(at, response=response)
+
+
+def _foresee(level: Level, own: Forecast, forecasts: Sequence[Forecast], place: int) -> tuple[Response, ...]:
+    """Responses by the fit of a ``level`` as if that of the place had not been tested: all modes move, none turns."""
+    others = [(one.mode.number, one.answer.places[place]) for one in forecasts]
+    fits = tuple(_move_modes(level, others, part) for part in range(3))
+    residues = own.mode.residues, own.mode.residues_sd
+    return tuple(_list_responses(level, fits, own.mode.number, residues, own.answer.places[place]))
 
 
 def _read_peaks(level: Level, at: At) -> dict[str, tuple[float, float, float]]:
@@ -96,30 +105,29 @@ def _read_peaks(level: Level, at: At) -> dict[str, tuple[float, float, float]]:
     return bands
 
 
-def describe_turned(levels: Sequence[Level], mode: int, tested: Sequence[At], drive_unit: str) -> str:
-    """A caution if from the lowest to the highest level a peak grows more, or less, than that of the largest sensor.
+def describe_turned(own: Forecast, forecasts: Sequence[Forecast], tested: Sequence[At], drive_unit: str) -> str:
+    """A caution if a peak grows otherwise, beside the largest, than modes of fixed shape foresee.
 
-    The peaks are those of the mode alone, without the motion of the base and of other modes.
+    It is judged from the lowest to the highest tested level.
     """
     first, last = tested[0], tested[-1]
     largest = first.largest
     if largest is None or last.ratio is None:
         return ""
-    low, high = (
-        _read_peaks(replace(level, H=level.fit.rest(level.f, level.H, mode)), at)
-        for level, at in ((levels[0], first), (levels[-1], last))
-    )
-    grown = {sensor: high[sensor][0] / low[sensor][0] for sensor in low if sensor in high}
-    if largest.sensor not in grown:
-        return ""
-    apart = {sensor: log(times / grown[largest.sensor]) for sensor, times in grown.items()}
+    apart = dict[str, float]()
+    for place, at, sign in ((0, first, -1.0), (len(tested) - 1, last, 1.0)):
+        foreseen = {one.sensor: one.band[0] for one in _foresee(own.shown[-1], own, forecasts, place)}
+        for one in at.response:
+            apart[one.sensor] = apart.get(one.sensor, 0.0) + sign * log(one.band[0] / foreseen[one.sensor])
+    apart = {sensor: change - apart[largest.sensor] for sensor, change in apart.items()}
     most = max(apart, key=lambda sensor: abs(apart[sensor]))
     if abs(apart[most]) <= _TURNED:
         return ""
     by = f"{100.0 * abs(exp(apart[most]) - 1.0):.2g} % {'more' if apart[most] > 0.0 else 'less'}"
     return (
-        f"from {first.input:.3g} to {last.input:.3g} {drive_unit} the peak of {most!r} grows by {by} than that of "
-        f"{largest.sensor!r}: the shape turns with the level, and bands beyond the test assume that it stays"
+        f"from {first.input:.3g} to {last.input:.3g} {drive_unit} the peak of {most!r} grows by {by}, beside that of "
+        f"{largest.sensor!r}, than a fixed shape allows: "
+        "it turns with the level, and bands beyond the test assume that it stays"
     )
 
 
