@@ -78,8 +78,7 @@ class Extrapolation:
     loads: Loads  #: predictions at the requested forces
     mode: Mode | None  #: of the structure, None if unknown
     seed: int  #: of all draws
-    #: candidate further levels, then the design force (the largest requested and allowed one); or empty, as if ``fresh``
-    #: was not asked for
+    #: candidate further levels, then the design force (the largest requested and allowed one); or empty
     levels: FloatArray
     spreads: tuple[Spread, ...]  #: draws of each member at the requested forces, then at ``levels``
 
