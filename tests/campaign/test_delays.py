@@ -47,7 +47,7 @@ def write(path, rng, delay, modes=MODES, shapes=SHAPES, noise=0.005):
     return path
 
 
-@pytest.mark.parametrize("delay", [0.0, 5e-4, -5e-4, 2e-3])
+@pytest.mark.parametrize("delay", [0.0, -5e-4, *(pytest.param(d, marks=pytest.mark.slow) for d in (5e-4, 2e-3))])
 def test_a_delay_of_all_sensors_is_named_and_removed(tmp_path, delay, few_laws):
     """0.5 ms turns the modes by 0.13 rad: left in, 7 % of a peak at a tested level."""
     answer = analyse([write(tmp_path / "a.h5", np.random.default_rng(1), delay)], [0.8])

@@ -16,6 +16,7 @@ from damping.extrapolation.draws import (
     amplitude_draws,
     choose_next_level,
     draw_spread,
+    draw_spreads,
     find_quantiles,
 )
 from damping.extrapolation.prediction import PARTS, linear_amplitude, predict
@@ -326,6 +327,18 @@ def test_many_levels_take_little_memory():
         assert tracemalloc.get_traced_memory()[1] < 1e8
     finally:
         tracemalloc.stop()
+
+
+def test_a_fleet_draws_nothing_at_further_levels(saturn):
+    """What is drawn at the requested force is the same, to rounding, whether further levels are drawn or not."""
+    data, seed = saturn("config-2-mode-1"), 3
+    asked = 2.0 * data.tested_force.max()
+    brief = extrapolate_loads(data, [asked], seed=seed, laws=[Law(("viscous", "velocity-squared"))], fresh=False)
+    assert brief.next_level is None
+    with_further = draw_spreads(brief.members, np.array([asked, *data.tested_force]), data, 0.0, seed)
+    for alone, whole in zip(brief.spreads, with_further, strict=True):
+        assert alone.total.shape[1] == 1
+        np.testing.assert_allclose(alone.total, whole.total[:, :1], rtol=1e-12, atol=0.0)  # rounding
 
 
 def test_the_largest_tested_force_is_not_beyond_the_test(saturn):

@@ -333,7 +333,10 @@ def test_what_is_added_to_an_explanation_that_leaves_noise_is_not_crowded_out():
     assert np.max(np.abs(z)) < 0.5  # all five deviated by one standard deviation
 
 
-@pytest.mark.parametrize(("frequency", "friction"), [(20.0, 0.0), (20.8, 0.0), (19.2, 0.08), (20.8, 0.08)])
+@pytest.mark.parametrize(
+    ("frequency", "friction"),
+    [(20.0, 0.0), (20.8, 0.08), *(pytest.param(*off, marks=pytest.mark.slow) for off in ((20.8, 0.0), (19.2, 0.08)))],
+)
 def test_noise_that_is_not_stated_does_not_hang_on_how_wrong_the_simulation_is(frequency, friction):
     """Sweeps of 13 rows: beside a resonance elsewhere the residuals of the simulation alone bend from row to row."""
     record, mode = sweep_with_friction(1.0, friction, seed=7, levels=3, points=13)

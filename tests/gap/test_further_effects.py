@@ -274,16 +274,16 @@ CASES = (
     ("drift", {"frequency": -0.006, "moment": 0.4}),
     ("drift", {"frequency": -0.006, "moment": 0.4, "duration": 0.001}),  # between two rows
     ("level-offset", {"factor": 0.9, "sweep": 2.0}),
-    ("level-offset", {"factor": 0.96, "sweep": 0.0, "onward": 3.0}),
     ("sensor-saturation", {"level": 0.02}),
     ("background", {"amplitude": 0.002, "angle": 0.8}),
     ("sweep-rate", {"rate": 5e-4}),
     ("slip", {"stiffness": 200.0, "limit": 0.01, "smooth": 1.0}),
     ("slip", {"stiffness": 200.0, "limit": 0.01, "smooth": 1.0, "relief": 2.0}),
 )
+ONWARD = "level-offset", {"factor": 0.96, "sweep": 0.0, "onward": 3.0}
 
 
-@pytest.mark.parametrize(("name", "table"), CASES)
+@pytest.mark.parametrize(("name", "table"), [*CASES, pytest.param(*ONWARD, marks=pytest.mark.slow)])
 def test_an_effect_is_found_and_sized(lab, name, table):
     record = altered(lab, name, table)
     # a step of readings is no scatter of levels, even where their repeatability is not stated

@@ -78,7 +78,7 @@ def test_parameters_within_tolerance_are_not_accused(lab, omega, viscous):
     assert found(lab.record(rows, lab.linear(rows, **true), 3), lab.mode()) == ((), False)
 
 
-@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize("side", [-1, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("name", "unit"), [("natural-frequency", 0.001), ("viscous-coefficient", 0.05)])
 def test_parameters_far_beyond_tolerance_are_named(lab, name, unit, side):
     rows = lab.bench().rows

@@ -257,7 +257,7 @@ def test_added_mass_that_is_not_as_stated_is_that_mass(shaken):
     np.testing.assert_allclose(own, stated, rtol=1e-12)
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("sign", [-1.0, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_two_close_modes_are_no_two_causes(lab, sign):
     """A mode on each side, at 2.5 and 4 damping ratios: in closed form; "residual-modes + second-mode, 1.00" before."""
     loss = lab.viscous / (lab.mass * lab.omega)
@@ -286,7 +286,9 @@ def test_a_force_cell_that_is_not_linear_is_told(lab):
     assert any(sentence in caution for caution in found.cautions)
 
 
-@pytest.mark.parametrize(("true", "stated"), [(0.0, 0.5), (0.5, -0.5), (0.5, 3.0), (0.5, 0.0)])
+@pytest.mark.parametrize(
+    ("true", "stated"), [(0.0, 0.5), (0.5, -0.5), (0.5, 0.0), pytest.param(0.5, 3.0, marks=pytest.mark.slow)]
+)
 def test_a_sweep_rate_that_is_not_as_stated_is_told_with_what_it_was(lab, true, stated):
     """Rates in squared half-bandwidths, the motion by the generator's equations; lesser causes were blamed, or flagged.
 
@@ -310,7 +312,7 @@ def test_a_sweep_rate_that_is_not_as_stated_is_told_with_what_it_was(lab, true, 
 
 
 @pytest.mark.parametrize("same", [False, True])
-@pytest.mark.parametrize("factor", [1.2, 1.0 / 1.2])
+@pytest.mark.parametrize("factor", [1.2, pytest.param(1.0 / 1.2, marks=pytest.mark.slow)])
 def test_the_mass_of_one_state_that_is_not_as_stated_is_told(lab, factor, same):
     """The second of three states weighs a fifth more or less than stated, of one stiffness or of its own."""
     given = []

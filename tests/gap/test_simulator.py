@@ -150,7 +150,7 @@ def test_a_stiffness_made_with_hz_is_told(record, mode, factor, said):
     assert (first, further) == ([f"T{told[1:]}."], ["the rows are few"])
 
 
-@pytest.mark.parametrize("factor", [1.5, 0.85])
+@pytest.mark.parametrize("factor", [0.85, pytest.param(1.5, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("wrong", ["mass", "stiffness"])
 def test_a_parameter_beyond_its_tolerance_is_told_with_its_value(mode, wrong, factor):
     """Without friction, one value off by 16 to 40 tolerances: right within a tolerance of the other."""

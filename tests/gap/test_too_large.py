@@ -94,7 +94,7 @@ def test_friction_that_is_not_there_beside_values_from_the_record_itself(lab, si
 
 
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
-@pytest.mark.parametrize("damped", [1.0, 1.6])
+@pytest.mark.parametrize("damped", [1.6, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_a_mass_that_is_off_is_named_beside_the_frequency_taken_from_it(lab, seed, damped):
     """M is 8 % larger, four tolerances, with the stiffness as simulated; 0.3 M is added in half of the rows."""
     rows, K = lab.bench().rows, lab.mass * lab.omega**2

@@ -306,7 +306,7 @@ def test_verdict_on_a_misfit_along_the_sweeps(swept_misfit):
     assert rank_laws(swept_misfit, hold_out=False).fit.verdict == "none fits"
 
 
-@pytest.mark.parametrize("stated", [0.0, 0.02])
+@pytest.mark.parametrize("stated", [0.0, pytest.param(0.02, marks=pytest.mark.slow)])
 def test_no_law_fits_rows_of_no_resonance(stated):
     """Amplitudes and phases drawn at random at every row: what scatters like that is not noise that excuses a law."""
     rng, rows = np.random.default_rng(0), 36

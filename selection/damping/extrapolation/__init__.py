@@ -101,7 +101,8 @@ class Extrapolation:
     def next_level(self) -> NextLevel | None:
         """The further level that would most shrink the band at the largest requested force.
 
-        None if that force is within the test, if its prediction is refused, or if the gain is below ``LEAST_GAIN``.
+        None if that force is within the test, if its prediction is refused, if the gain is below ``LEAST_GAIN``, or if
+        no draws at further levels were asked for.
         """
         if not self.levels.size:
             return None
@@ -139,7 +140,8 @@ def extrapolate_loads(
         plan: if already made.
         all_rows: if given, laws are also judged on these.
         estimate: of marginal likelihoods.
-        fresh: whether to draw afresh from laws of more than ``LEAST_WEIGHT`` (:func:`draw_fresh`).
+        fresh: whether to draw afresh from laws of more than ``LEAST_WEIGHT`` (:func:`draw_fresh`), and at further
+            levels too (``next_level``); a fleet and a comparison need neither.
 
     InputError: an invalid force or level, before any work.
     AnalysisError: no candidate can carry the measured forces.
@@ -158,7 +160,8 @@ def extrapolate_loads(
             members.append(Member(law.name, law.weight, law.coordinates, draws, plan.joint, backbone).thin())
             done(law.name)
     design, tested = min(float(requested.max()), plan.limit), plan.data.tested_force
-    levels = np.append(list_levels(tested, design), design) if design > tested.max() * (1.0 + ROUNDING) else np.empty(0)
+    beyond = fresh and design > tested.max() * (1.0 + ROUNDING)
+    levels = np.append(list_levels(tested, design), design) if beyond else np.empty(0)
     spreads = draw_spreads(members, np.concatenate([requested, levels]), plan.data, find_repeatability(mode), seed)
     at_asked = [spread.at(slice(len(requested))) for spread in spreads]
     loads = predict(members, requested, plan.data, level, seed, plan, spreads=at_asked)
