@@ -19,8 +19,7 @@ WILD_WEIGHT = 0.5
 #: Largest share of one quantity's values that may be stray readings; extra number allowed in a short record.
 MOST_WILD = 0.05
 _FEW_WILD = 2.0
-#: Three wild neighbours occur by chance in one of 2000 sweeps of 60 rows; two in one of 40.
-_NEIGHBOURS = 3
+_NEIGHBOURS = 3  #: three wild neighbours occur by chance in one of 2000 sweeps of 60 rows; two in one of 40
 #: A wild amplitude at the peak of a sweep is no stray reading if one as large there is less probable than this.
 _BY_CHANCE = 0.003
 
