@@ -13,10 +13,8 @@ from damping.forces.contract import GrowingForce, spread
 from damping.forces.joints import Spring, saturate
 from damping.forces.shapes import FORCE, LENGTH, TIME, Shape, coefficient_in
 
-#: Displacement at which a force beyond a gap begins to act.
-CLEARANCE = Shape("clearance", LENGTH, above=0.0)
-#: Largest stiffness beyond a clearance, over that of the structure.
-_MOST_STIFFNESS = 3.0
+CLEARANCE = Shape("clearance", LENGTH, above=0.0)  #: displacement at which a force beyond a gap begins to act
+_MOST_STIFFNESS = 3.0  #: largest stiffness beyond a clearance, over that of the structure
 
 
 def _act_beyond(linear: Floats, x: Floats) -> tuple[Floats, Floats]:

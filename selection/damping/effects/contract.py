@@ -52,8 +52,7 @@ class Drive(NamedTuple):
     shaken: Floats = 0.0
 
 
-#: A change of a row's prediction as a function of its `Drive`.
-OfDrive = Callable[[Drive], Any]
+OfDrive = Callable[[Drive], Any]  #: a change of a row's prediction as a function of its `Drive`
 
 
 def add_parts(parts: tuple[OfDrive, ...], drive: Drive) -> Any:

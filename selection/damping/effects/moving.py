@@ -14,8 +14,7 @@ from damping.effects.contract import Drive, Terms, add_parts
 #: taken to first order, against cancellation.
 _SLOW = 1e-8
 _SLOWLY = 1e-3
-#: Largest exponent of a ringing motion: beyond it ringing has not begun.
-_LOUDEST = 50.0
+_LOUDEST = 50.0  #: largest exponent of a ringing motion: beyond it ringing has not begun
 #: Least squared ratio of the ringing to the driving frequency, which keeps numbers finite where nothing rings.
 _RINGS = 0.01
 
@@ -53,19 +52,15 @@ def hurried(Z: ComplexArray, terms: Terms, drive: Drive) -> tuple[ComplexArray, 
 
 
 class _Memory(NamedTuple):
-    """Solutions of J' = 1 - p J where p moves by i alpha alone: ``lewis`` is I(p), ``quiet`` is I(p) without ringing.
-
-    ``start``: J at the first row of a sweep. ``beyond``: rows beyond resonance. ``held``: see
-    `damping.effects.contract.Terms`.
-    """
+    """Solutions of J' = 1 - p J where p moves by i alpha alone: ``lewis`` is I(p), ``quiet`` that without ringing."""
 
     lewis: ComplexArray
     quiet: ComplexArray
-    start: ComplexArray
-    beyond: BoolArray
+    start: ComplexArray  #: J at the first row of a sweep
+    beyond: BoolArray  #: rows beyond resonance
     p: ComplexArray
     alpha: FloatArray
-    held: FloatArray
+    held: FloatArray  #: see `damping.effects.contract.Terms`
 
     @staticmethod
     def of(p: ComplexArray, alpha: FloatArray, begun: Floats = 0.0, held: Floats = 0.0) -> _Memory:

@@ -16,8 +16,7 @@ NOTCHES: dict[str, Callable[[Floats], Floats]] = {
 }
 #: Width, in ln of the motion, of a force that falls with it: 1 over the power of the motion in lost over kept force.
 _LIMIT = FormVariable.between(0.12, 1.0, starts=(0.0,))
-#: Power of the force in the error of its reading.
-_CELL_POWER = FormVariable.between(0.5, 3.0, starts=(0.0,))
+_CELL_POWER = FormVariable.between(0.5, 3.0, starts=(0.0,))  #: power of the force in the error of its reading
 
 
 def dropout_forms(scales: Scales) -> tuple[Form, ...]:

@@ -12,8 +12,7 @@ from damping.effects.structure import spread_distance
 from damping.effects.terms import third_harmonic
 from damping.forces.shapes import LENGTH, TIME, Shape
 
-#: Prior odds of a delay against a phase lag, nearly equal in the narrow band of one mode: 1 to 4.
-_DELAY = 0.25
+_DELAY = 0.25  #: prior odds of a delay against a phase lag, nearly equal in the narrow band of one mode: 1 to 4
 #: ln(amplitude over the clipping level) ...
 _OVER = np.linspace(0.0, 5.0, 400)
 _A = np.exp(_OVER)

@@ -15,13 +15,11 @@ from damping.forces.shapes import Shape
 
 #: |ln| of factors on damping from which fits start; larger ones are reached from there.
 _FACTORS = (0.3, 1.0, 2.0, 4.0)
-#: |ln| that no factor on damping reaches (160 000), to keep numbers finite.
-_MOST_FACTOR = 12.0
+_MOST_FACTOR = 12.0  #: |ln| that no factor on damping reaches (160 000), to keep numbers finite
 #: Prior of the size of damping of another law: a strength has a factor of 4.5 (standard deviation 1.5 of its ln); to
 #: this power, a factor of 1.6.
 _KNOWN_SIZE = 1.0 / 3.0
-#: True over simulated value, less 1; the true value is positive.
-RELATIVE = Shape("relative", above=-1.0)
+RELATIVE = Shape("relative", above=-1.0)  #: true over simulated value, less 1; the true value is positive
 
 
 def factor_forms(effect: Effect, simulated: Mapping[str, float], scales: Scales) -> tuple[Form, Form]:

@@ -25,10 +25,8 @@ from damping.effects.contract import Drive, Instrument, Terms, add_parts
 from damping.effects.moving import hurried
 from damping.forces.contract import Force
 
-#: Least detuning of a row from resonance, relative to omega^2: less than any tolerance.
-NEAREST = 1e-6
-#: Iterations for the amplitude of each path, whose share changes little.
-_REFINEMENTS = 2
+NEAREST = 1e-6  #: least detuning of a row from resonance, relative to omega^2: less than any tolerance
+_REFINEMENTS = 2  #: iterations for the amplitude of each path, whose share changes little
 
 
 @dataclass(frozen=True)
@@ -110,15 +108,12 @@ def complex_stiffness(terms: Terms, A: FloatArray, drive: Drive) -> tuple[Comple
 
 
 class _Still(NamedTuple):
-    """Parts of Z that do not depend on amplitude: linear ``spring``, ``beside``, and factors on damping forces.
-
-    ``own``: factor on each of the first ``simulated`` forces; ``damped``: factor on all.
-    """
+    """Parts of Z that do not depend on amplitude: linear ``spring``, ``beside``, and factors on damping forces."""
 
     spring: FloatArray
     beside: Any
-    own: Floats
-    damped: Floats
+    own: Floats  #: factor on each of the first ``simulated`` forces
+    damped: Floats  #: factor on all
     simulated: int
 
     @staticmethod

@@ -49,8 +49,7 @@ class Interval:
 #: amplitude to the largest, or since joints were stuck: bolted structures lose a fraction of a per cent to some per
 #: cent (Kerschen et al. 2006, section 2).
 CHANGES = (3e-4, 3e-3, 3e-2)
-#: Share of the stiffness that joints may lose: beyond it ln omega^2 falls in proportion.
-MOST_LOST = 0.5
+MOST_LOST = 0.5  #: share of the stiffness that joints may lose: beyond it ln omega^2 falls in proportion
 #: Components of the average with a weight below this share of the largest are left out.
 NEGLIGIBLE = 1e-6
 #: Log standard deviation of the relative scatter of a measured frequency: 5 % lie below 2.5e-5, 5 % above 3.5e-3.
@@ -74,10 +73,8 @@ _TABLE = np.linspace(-5.0, 5.0, 201)
 _STEP = _TABLE[1] - _TABLE[0]
 #: Amplitudes, over the largest tested one, are clipped here and at its inverse so that their powers are finite numbers.
 _LARGEST = 1e20
-#: Amplitudes computed at once: the components of each, up to four thousand, take 300 kB.
-_AT_ONCE = 20
-#: Prior standard deviation of the intercept of a regression: practically no prior knowledge.
-_ANYWHERE = 1.0
+_AT_ONCE = 20  #: amplitudes computed at once: the components of each, up to four thousand, take 300 kB
+_ANYWHERE = 1.0  #: prior standard deviation of the intercept of a regression: practically no prior knowledge
 
 
 @dataclass(frozen=True)

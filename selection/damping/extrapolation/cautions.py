@@ -10,8 +10,7 @@ from damping.infer.observations import Observations
 
 _WORDS = {2: "two", 3: "three", 4: "four"}
 
-#: Beginning of a caution that says why there is no prediction.
-REFUSAL = "no prediction"
+REFUSAL = "no prediction"  #: beginning of a caution that says why there is no prediction
 #: Caution beyond a test without nonlinearity: on dampers that saturate just above it, and on parts that begin to rub
 #: there, such bands held 2 of 43 next tests at four times the largest force; of linear modes 56 of 61.
 STAYS_LINEAR = (

@@ -48,8 +48,7 @@ FRICTION = 16
 LEAP = 2.0
 MOST_PARTS = 8
 TURNS = 2
-#: Factor of the grid beyond the force of the steepest law, for the ends of a band.
-_MARGIN = 2.5
+_MARGIN = 2.5  #: factor of the grid beyond the force of the steepest law, for the ends of a band
 #: Amplitudes within the test of a default curve, beside those of the levels; a level nearer than this, in ln, to one of
 #: them gets no further row.
 WITHIN = 9
@@ -58,8 +57,7 @@ SAME = 0.02
 NO_RATIO = "no damping ratio: the frequency of the resonance is not known at this amplitude"
 #: Amplitudes of a plot: over two decades they lie 1.12 times apart; the damping peak of a joint is 1.4 times wide.
 DRAWN = 40
-#: Amplitudes beyond the test of a default curve.
-BEYOND = 7
+BEYOND = 7  #: amplitudes beyond the test of a default curve
 #: End of a default curve over the largest tested force; the first if there are too few levels for the second.
 FARTHEST = (NEAREST, 2.0)
 

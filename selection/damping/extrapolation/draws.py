@@ -34,12 +34,10 @@ from damping.predict.steady import resonant_amplitude
 AVERAGE_DRAWS = 40_000
 #: Laws with less weight are not drawn from afresh and not shown in short tables; they are part of every average.
 LEAST_WEIGHT = 0.01
-#: Fewest draws of a law: the band of that law is then known to 5 % of its width.
-FEWEST_DRAWS = 1000
+FEWEST_DRAWS = 1000  #: fewest draws of a law: the band of that law is then known to 5 % of its width
 #: Fewest draws of a law of at most ``LEAST_WEIGHT``: its band is then known to 10 % of its width.
 FEWEST_OF_LITTLE = 250
-#: Digits of ln F: forces that differ by rounding alone count as one point, in any units.
-_DIGITS = 12
+_DIGITS = 12  #: digits of ln F: forces that differ by rounding alone count as one point, in any units
 
 
 @dataclass(frozen=True)
@@ -192,8 +190,7 @@ def amplitude_draws(member: Member, force: FloatArray, data: Observations) -> Fl
     return member.solve(member.coordinates.force(member.draws), force, data)
 
 
-#: Factors by which each prior is changed.
-FACTORS = (1.0 / 3.0, 3.0)
+FACTORS = (1.0 / 3.0, 3.0)  #: factors by which each prior is changed
 #: Places of a further level between the largest tested force and the design force, as shares of the distance in ln F.
 ON_THE_WAY = (1.0 / 3.0, 2.0 / 3.0)
 #: Quantiles of the prediction at a further level, over which as readings an expected width is averaged.

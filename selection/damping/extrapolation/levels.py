@@ -10,8 +10,7 @@ from damping.infer.doubt import JointEvidence, find_joint
 from damping.infer.observations import Observations
 from damping.records.mode import Mode
 
-#: Standard normal quantile (one-sided 5 %) beyond which a change of p is reported.
-CHANGES = 1.64
+CHANGES = 1.64  #: standard normal quantile (one-sided 5 %) beyond which a change of p is reported
 #: Scatter of resonances before any is seen, and the degrees of freedom it is worth: a median of 1.2 %, as of the prior
 #: of laws. At three levels that scatter by 3 % a constant p then seems to fall in 5 % of tests.
 EXPECTED = (0.0078, 1.0)

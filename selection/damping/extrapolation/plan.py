@@ -24,12 +24,9 @@ from damping.ranking.candidates import resonant_laws
 from damping.ranking.verdict import FitVerdict, is_excluded, judge_fit
 from damping.records.mode import Mode, Units
 
-#: Fewest levels for predictions beyond ``NEAREST`` times the largest tested force.
-ENOUGH_LEVELS = 3
-#: Largest force, over the largest tested force, that fewer levels allow.
-NEAREST = 1.5
-#: Relative excess of a force over the limit that still counts as the limit.
-ROUNDING = 1e-3
+ENOUGH_LEVELS = 3  #: fewest levels for predictions beyond ``NEAREST`` times the largest tested force
+NEAREST = 1.5  #: largest force, over the largest tested force, that fewer levels allow
+ROUNDING = 1e-3  #: relative excess of a force over the limit that still counts as the limit
 
 
 @dataclass(frozen=True)
@@ -105,8 +102,7 @@ def plan_loads(
     )
 
 
-#: Weight above which an excluded law is named.
-LEAST_SAID = 0.05
+LEAST_SAID = 0.05  #: weight above which an excluded law is named
 
 
 def judge_rows(plan: Plan, all_rows: Observations, seed: int = 0, estimate: Estimate = evidence) -> Plan:

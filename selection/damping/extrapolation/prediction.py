@@ -22,8 +22,7 @@ from damping.extrapolation.draws import Member, Spread, draw_spreads, find_quant
 from damping.extrapolation.plan import Plan
 from damping.infer.observations import Observations
 
-#: Share of draws without a resonance above which no prediction is given.
-REFUSED_SHARE = 0.05
+REFUSED_SHARE = 0.05  #: share of draws without a resonance above which no prediction is given
 #: Names of the parts of a predictive distribution.
 PARTS = ("measurement_noise", "parameters", "between_model", "discrepancy")
 

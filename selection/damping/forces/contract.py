@@ -222,8 +222,7 @@ class Sum(Force):
 
     forces: tuple[Force, ...]
 
-    #: A sum has no parameters besides those of its parts.
-    shapes: ClassVar[tuple[Shape, ...]] = ()
+    shapes: ClassVar[tuple[Shape, ...]] = ()  #: a sum has no parameters besides those of its parts
 
     @property
     def name(self) -> str:

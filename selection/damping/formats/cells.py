@@ -10,8 +10,7 @@ _MISSING = ("", "nan", "NaN", "NA", "--", "#N/A", "#NV", "n/a")
 #: Decimal marks.
 DECIMALS = {"point": ".", "comma": ","}
 _OTHER = {"point": ",", "comma": "."}
-#: Marks between thousands that are no decimal marks.
-_APART = "' \u2019\u00a0\u2009\u202f"
+_APART = "' \u2019\u00a0\u2009\u202f"  #: marks between thousands that are no decimal marks
 #: A number with marks between its thousands, by decimal mark. The other decimal mark is one of these if it is repeated
 #: or followed by decimals.
 _GROUPED = {

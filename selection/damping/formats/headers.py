@@ -53,15 +53,12 @@ RATES = {"hz/s": (1.0, 0), "hz/sec": (1.0, 0), "hz/min": (1 / 60, 0), "khz/s": (
 #: Factors from columns of these roles to the lead of the response, rad.
 PHASES = {"phase": -1.0, "lag_deg": -pi / 180.0, "lead": 1.0, "lead_deg": pi / 180.0, "angle": 1.0}
 
-#: Cells of a row of units for columns without a usable unit.
-_NO_UNITS = {"", "-", "V", "mV", "%"}
+_NO_UNITS = {"", "-", "V", "mV", "%"}  #: cells of a row of units for columns without a usable unit
 
 #: Names of roles, columns and formats, by context.
 NAMES: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("names.toml").read_text("utf-8"))
-#: Roles of arrays and columns, each with its meaning.
-ROLES: dict[str, str] = NAMES["meaning"]
-#: Names of columns by role in laboratory tables.
-ROLE_NAMES: dict[str, list[str]] = NAMES["laboratory"]
+ROLES: dict[str, str] = NAMES["meaning"]  #: roles of arrays and columns, each with its meaning
+ROLE_NAMES: dict[str, list[str]] = NAMES["laboratory"]  #: names of columns by role in laboratory tables
 NAMES["own"] = {role: [role] for role in ROLES} | NAMES["own"]
 #: Order of the time derivative of displacement by quantity.
 ORDERS: dict[str, int] = {name: kind["order"] for name, kind in NAMES["response"].items() if not kind["per_force"]}

@@ -28,8 +28,7 @@ def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
 
 _EXTRA = ("energy", "mass", "amplitude_sd", "phase_sd", "force_sd")
 _TO_ABSCISSA = {"frequency": 1.0, "omega": 1.0 / RAD_S_PER_HZ, "time": 1.0}
-#: Roles of angles between the response and the force itself.
-_BEHIND_FORCE = {"phase", "lag_deg", "angle"}
+_BEHIND_FORCE = {"phase", "lag_deg", "angle"}  #: roles of angles between the response and the force itself
 
 
 def to_series(

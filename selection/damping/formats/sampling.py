@@ -10,8 +10,7 @@ from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.headers import ABSCISSAS, NAMES, ROLE_NAMES, lower_name
 
-#: Shape of every array in a file by name.
-Shapes: TypeAlias = Mapping[str, tuple[int, ...]]
+Shapes: TypeAlias = Mapping[str, tuple[int, ...]]  #: shape of every array in a file by name
 #: Names of numbers that say how a time history was sampled.
 SAMPLING = [name for key in ("rate", "step", "increment") for name in NAMES["rate"][key]]
 

@@ -19,8 +19,7 @@ from damping.formats.headers import NAMES, PHASES, parse_header
 from damping.records.text import describe_shortened
 
 Samples: TypeAlias = npt.NDArray[Any]  #: real or complex numbers
-#: Most sweeps side by side in a file.
-MOST_SWEEPS = 1000
+MOST_SWEEPS = 1000  #: most sweeps side by side in a file
 
 
 @dataclass(frozen=True)

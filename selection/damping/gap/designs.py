@@ -11,14 +11,11 @@ from damping.effects.contract import Terms
 from damping.gap.model import Problem
 from damping.gap.rows import UNSEEN, PhasorRows
 
-#: Rows of a proposed sweep.
-_POINTS = 40
+_POINTS = 40  #: rows of a proposed sweep
 #: Masses added for a second state, as shares of the modal mass.
 ADDED_MASSES = (0.2, 0.5)
-#: Noise of a harmonic analyser over the largest amplitude.
-FLOOR = 3e-4
-#: Columns of a third harmonic.
-THIRD = ("amplitude_3", "phase_3")
+FLOOR = 3e-4  #: noise of a harmonic analyser over the largest amplitude
+THIRD = ("amplitude_3", "phase_3")  #: columns of a third harmonic
 
 
 @dataclass(frozen=True)

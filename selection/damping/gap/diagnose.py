@@ -43,36 +43,25 @@ HYPOTHESES = 60  #: Fitted in a usual diagnosis, about; progress is half way the
 
 @dataclass(frozen=True)
 class Explained:
-    """The weighed hypotheses about the gap between a simulation and a record.
+    """The weighed hypotheses about the gap between a simulation and a record."""
 
-    Attributes:
-        record, mode: what is compared, as driven by forces, in a ``unit`` of mass. states, simulate: see `explain`.
-        setting: noise and repeatability as taken. search: the finished search.
-        hypotheses: all that were fitted, with probabilities, most probable first.
-        tests: directed tests of the leading hypothesis's residuals. doubts: see `weighing.describe_doubts`.
-        in_library: probability that the library holds the cause. unexplained: whether more than noise is left.
-        unexplained_rows: whether it is left in the rows, not only in the scatter of the levels. understated: scatter of
-            the rows where the stated noise is too small and nothing else is left; ``in_library`` then ignores it.
-        imitations: explanations by causes outside the library that the record does not exclude.
-        cautions: limits of record and explanation.
-    """
-
-    record: Record
-    mode: Mode
-    states: tuple[State, ...]
-    simulate: Simulate | None
-    unit: float
-    setting: Setting
-    search: Search
-    hypotheses: tuple[Explanation, ...]
-    tests: tuple[Test, ...]
-    doubts: FloatArray
-    in_library: float
-    unexplained: bool
-    unexplained_rows: bool
+    record: Record  #: what is compared, as driven by forces
+    mode: Mode  #: the simulation likewise
+    states: tuple[State, ...]  #: see `explain`
+    simulate: Simulate | None  #: see `explain`
+    unit: float  #: of mass, in which both are
+    setting: Setting  #: noise and repeatability as taken
+    search: Search  #: the finished search
+    hypotheses: tuple[Explanation, ...]  #: all that were fitted, with probabilities, most probable first
+    tests: tuple[Test, ...]  #: directed tests of the leading hypothesis's residuals
+    doubts: FloatArray  #: see `weighing.describe_doubts`
+    in_library: float  #: probability that the library holds the cause
+    unexplained: bool  #: whether more than noise is left
+    unexplained_rows: bool  #: whether it is left in the rows, not only in the scatter of the levels
+    #: scatter of the rows where the stated noise is too small and nothing else is left; ``in_library`` then ignores it
     understated: readings.RowScatter | None
-    imitations: tuple[Hypothesis, ...]
-    cautions: tuple[str, ...]
+    imitations: tuple[Hypothesis, ...]  #: explanations by causes outside the library that the record does not exclude
+    cautions: tuple[str, ...]  #: limits of record and explanation
 
     @property
     def leading(self) -> Hypothesis:
@@ -94,23 +83,18 @@ class Explained:
 
 @dataclass(frozen=True)
 class Diagnosis(Explained):
-    """The complete diagnosis of a gap.
+    """The complete diagnosis of a gap."""
 
-    Attributes:
-        explanations: the most probable hypotheses, as few as reach ``COVER``.
-        groups: effects that cannot be told apart.
-        levels: deviations of the sweeps that were taken as repeatability. gap, held_out: see `damping.gap.size`. where,
-            footprint: see `damping.gap.where`. local: estimates by amplitude, with the trends of damping and frequency
-            (None where they cannot be seen).
-    """
-
-    explanations: tuple[Explanation, ...]
-    groups: tuple[Group, ...]
-    levels: tuple[size.LevelDeviation, ...]
+    explanations: tuple[Explanation, ...]  #: the most probable hypotheses, as few as reach ``COVER``
+    groups: tuple[Group, ...]  #: effects that cannot be told apart
+    levels: tuple[size.LevelDeviation, ...]  #: deviations of the sweeps that were taken as repeatability
+    #: ``gap``, ``held_out``: see `damping.gap.size`
     gap: size.Gap
+    #: ``where``, ``footprint``: see `damping.gap.where`
     where: tuple[ResidualCell, ...]
     footprint: tuple[FootprintCell, ...]
     held_out: size.HeldOut | None
+    #: estimates by amplitude, with the trends of damping and frequency (None where they cannot be seen)
     local: tuple[LocalEstimate, ...]
     damping_trend: PowerTrend | None
     frequency_trend: PowerTrend | None

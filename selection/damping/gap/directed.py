@@ -33,16 +33,14 @@ ALARM = 0.003
 MOST_FORCES = 2
 #: Splines of stiffness, and of damping, with amplitude.
 SPLINES = 6
-#: Rows in a window of frequency.
-_WINDOWS = (4, 8, 16)
+_WINDOWS = (4, 8, 16)  #: rows in a window of frequency
 #: The family of a natural frequency (relative change) and a damping ratio that change with amplitude in free form.
 FREE = "stiffness and damping with amplitude"
 #: Spline combinations with less than this share of the information of the best determined one are left out; no curve
 #: is drawn where they make more than a tenth of it.
 _SEEN = 1e-4
 _MOST_UNSEEN = 0.1
-#: Step of a fitted variable (prior standard deviation 1) for the slope of a curve.
-_STEP = 1e-4
+_STEP = 1e-4  #: step of a fitted variable (prior standard deviation 1) for the slope of a curve
 _DRAWN = 80  #: Amplitudes at which a curve of free form is drawn.
 
 

@@ -36,8 +36,7 @@ _LONGEST_STEP = 1.5
 #: With more sweeps, their deviations, two of each, are eliminated sweep by sweep; with fewer, one dense solution is a
 #: tenth faster.
 _MANY = 24
-#: Robust scale of the residuals, over that of noise, from which a fit is far off.
-_FAR_OFF = 1.5
+_FAR_OFF = 1.5  #: robust scale of the residuals, over that of noise, from which a fit is far off
 #: Number of starts tried, those of least cost; after ``_PATIENCE`` steps only ``_SURVIVORS`` go on,
 _TRIED = 4
 _PATIENCE = 5
@@ -45,8 +44,7 @@ _SURVIVORS = 2
 #: ... whose cost is at most the best times the first plus the second; the second also bounds ln p behind the best mode.
 _HOPELESS = 1.3
 _BEHIND = 15.0
-#: Least difference of two modes of the same parts, in standard deviations of a variable.
-_DIFFERENT = 0.5
+_DIFFERENT = 0.5  #: least difference of two modes of the same parts, in standard deviations of a variable
 
 
 @dataclass(frozen=True)

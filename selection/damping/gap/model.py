@@ -29,17 +29,14 @@ from damping.effects.terms import Prediction, cross_motion, predict
 from damping.gap.rows import PhasorRows
 from damping.gap.simulation import Simulation
 
-#: Regularisation of |d|: noise of force and frequency hides a sharper fold.
-FOLD = 0.05
-#: Farthest from the measured amplitude, in units of noise, at which a prediction is taken.
-NEAR = 5.0
+FOLD = 0.05  #: regularisation of |d|: noise of force and frequency hides a sharper fold
+NEAR = 5.0  #: farthest from the measured amplitude, in units of noise, at which a prediction is taken
 #: Step of difference quotients in standard normal variables: a relative 1e-4 of a parameter or less.
 STEP = 1e-4
 #: Prior of the strength of an effect: ln of the gap it opens, in units of noise, is N(ln 3, 1.5^2); 2 sigma: .15 to 60.
 TYPICAL_GAP = 3.0
 SPREAD = 1.5
-#: Largest share of the motion that a cross-axis channel picks up by misalignment.
-_SKEW = 0.1
+_SKEW = 0.1  #: largest share of the motion that a cross-axis channel picks up by misalignment
 #: Newton's method for a steady state: most steps, longest step in ln A, misfit in ln A at convergence.
 _MOST_STEPS = 40
 _LONGEST = 0.5

@@ -41,8 +41,7 @@ SURELY = 2.0
 #: no resonance, and close above 1 its amplitude is all but infinitely sensitive to the friction.
 LEAST_FORCE = 1.5
 STILL = 1e-6  #: the smallest motion at which damping is asked for, over the smallest that was measured
-#: Explanations compared with the leading one; for others no log odds are predicted.
-MOST_RIVALS = 6
+MOST_RIVALS = 6  #: explanations compared with the leading one; for others no log odds are predicted
 #: Largest log odds reported: beyond it any model is as good as certain, and no model is that good.
 CERTAIN = 100.0
 

@@ -32,12 +32,10 @@ from damping.gap.weighing import (
     estimate_in_library,
 )
 
-#: Causes outside the library that are fitted in the place of each of several effects.
-MOST_FOREIGN = 4
+MOST_FOREIGN = 4  #: causes outside the library that are fitted in the place of each of several effects
 #: Causes that at one mass have the first harmonics of a spring, whatever their size: such rows cannot exclude them.
 IMITATIONS = {SLOW_SPRING.name, VARYING_MASS.name}
-#: Log odds above minus this are reported as even.
-_EVEN = 0.05
+_EVEN = 0.05  #: log odds above minus this are reported as even
 #: Wrongly entered quantity, by the power of frequency by which its amplitudes exceed those of displacement.
 QUANTITIES = {
     1: "velocity entered as displacement",
@@ -163,21 +161,14 @@ def fit_foreign(search: Search, leading: Hypothesis) -> list[Hypothesis]:
 
 @dataclass(frozen=True)
 class LibraryVerdict:
-    """Whether the library holds the cause of a gap.
+    """Whether the library holds the cause of a gap."""
 
-    Attributes:
-        outside: log odds, against the leading explanation, of causes outside the library, by description.
-        imitations: explanations by causes outside the library that the record does not exclude.
-        doubts: see `damping.gap.weighing.describe_doubts`.
-        beyond: see `damping.gap.weighing.count_beyond`; 0 where more than noise is left or an imitation remains.
-        probability: that the library holds the cause.
-    """
-
+    #: log odds, against the leading explanation, of causes outside the library, by description
     outside: Mapping[str, float]
-    imitations: tuple[Hypothesis, ...]
-    doubts: FloatArray
-    beyond: int
-    probability: float
+    imitations: tuple[Hypothesis, ...]  #: explanations by causes outside the library that the record does not exclude
+    doubts: FloatArray  #: see `damping.gap.weighing.describe_doubts`
+    beyond: int  #: see `damping.gap.weighing.count_beyond`; 0 where more than noise is left or an imitation remains
+    probability: float  #: that the library holds the cause
 
 
 def weigh_library(

@@ -23,17 +23,14 @@ from damping.gap.unknowns import FIRST_GUESS, Unknowns, is_stated, list_unknowns
 from damping.records.mode import Mode
 from damping.records.record import Record
 
-#: Most rows of a diagnosis, so that it takes minutes, not hours.
-MOST_ROWS = 5_000
-#: Least standard deviation of the ln of a noise that was estimated from roughness.
-NOISE_ERROR = 0.2
+MOST_ROWS = 5_000  #: most rows of a diagnosis, so that it takes minutes, not hours
+NOISE_ERROR = 0.2  #: least standard deviation of the ln of a noise that was estimated from roughness
 #: A resonance at a larger relative distance from the simulated one is that of another mode ...
 _ANOTHER_MODE = 0.12
 #: ... unless the response between the two stays above this share of the largest, at more than ``_BROAD_ROWS`` rows.
 _BROAD = 0.5
 _BROAD_ROWS = 2
-#: Fewest rows of a sweep that can show a resonance.
-_FEW_ROWS = 3
+_FEW_ROWS = 3  #: fewest rows of a sweep that can show a resonance
 _CONSTANT = 0.05  #: Largest range of ln amplitude of a sweep that a controller held at constant amplitude.
 
 
@@ -87,8 +84,7 @@ class Setting:
         return bool(np.sqrt(np.mean(changes**2)) < self.noise_error)
 
 
-#: A further state of the structure: its record and the mode that simulates it.
-State = tuple[Record, Mode]
+State = tuple[Record, Mode]  #: a further state of the structure: its record and the mode that simulates it
 
 
 def setting(

@@ -21,12 +21,9 @@ _QUIET = 0.8
 #: Roughness over spread of residuals from which they count as white: half of their mean square is independent from row
 #: to row. Errors of correlation .8 from row to row have .4 to .5.
 _WHITE = 0.7
-#: Neighbours combined to cancel what is smooth: with fewer a resonance would count as scatter.
-_COMBINED = 4
-#: Share of the gap that effects must close to be visible beside scatter larger than stated.
-_SEEN = 0.5
-#: Most readings that a caution names.
-_MOST_NAMED = 3
+_COMBINED = 4  #: neighbours combined to cancel what is smooth: with fewer a resonance would count as scatter
+_SEEN = 0.5  #: share of the gap that effects must close to be visible beside scatter larger than stated
+_MOST_NAMED = 3  #: most readings that a caution names
 #: Fewest different readings that show a step, and how near multiples of it they are: a file has six digits or more.
 _STEPS = 6
 _ON_STEP = 1e-3

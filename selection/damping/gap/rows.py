@@ -22,10 +22,8 @@ from damping.records.record import Record
 from damping.records.resonance import number_levels, tabulate_resonances
 from damping.records.rows import SweepRows, find_direction, list_rates, order_taken, read_sweep_rows
 
-#: Standard uncertainty of what was not measured: no information, and residuals stay finite.
-UNSEEN = 1e9
-#: Column suffixes of further phasors: third harmonic, cross-axis motion.
-FURTHER_CHANNELS = ("3", "y")
+UNSEEN = 1e9  #: standard uncertainty of what was not measured: no information, and residuals stay finite
+FURTHER_CHANNELS = ("3", "y")  #: column suffixes of further phasors: third harmonic, cross-axis motion
 #: Relative difference of M omega_n^2 below which states have one stiffness and differ by a known mass.
 SAME_STIFFNESS = 1e-3
 

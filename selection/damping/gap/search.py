@@ -35,8 +35,7 @@ from damping.progress import nothing
 #: linear estimates), brings the hypothesis within ``NEAR`` of the most probable.
 _GAIN = 2.5
 _BEYOND_LINES = 2.0
-#: The first of these where the base leaves no more than noise.
-_GAIN_BEYOND_NOISE = 4.5
+_GAIN_BEYOND_NOISE = 4.5  #: the first of these where the base leaves no more than noise
 #: Most effects of an explanation, and fewest rows for each of them.
 MOST_EFFECTS = 3
 ROWS_PER_EFFECT = 15

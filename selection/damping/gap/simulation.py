@@ -28,8 +28,7 @@ MOST_TOLERANCES = 3.0
 _SHARPNESS = 8
 
 
-#: Scatter or tolerance of zero, safe to divide by.
-NO_SCATTER = 1e-9
+NO_SCATTER = 1e-9  #: scatter or tolerance of zero, safe to divide by
 #: Least tolerances of a simulation whose values were taken from the record itself: they are no prior knowledge.
 NO_KNOWLEDGE = {"frequency": 0.03, "mass": 0.3, "damping": 0.7}
 

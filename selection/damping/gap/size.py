@@ -23,8 +23,7 @@ from damping.gap.search import Search
 OUTLYING = 3.3
 #: Range of deviations within each state, over that of the states' means, below which a state deviates as a whole.
 AGREEING = 0.25
-#: Most levels held out, the highest first.
-MOST_FOLDS = 3
+MOST_FOLDS = 3  #: most levels held out, the highest first
 #: An explanation fails where it closes at least the first share of the gap of the record, at most the second held out.
 _CLOSED = 0.8
 _FAILED = 0.5

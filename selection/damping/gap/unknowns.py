@@ -29,12 +29,9 @@ SHARES = (0.0, 0.5, 1.0, 2.0, 4.0, 100.0)
 #: ... noise in proportion to the largest amplitude of each sweep, as of an analyser whose range is set per sweep.
 RANGED = np.inf
 _PRICE = 2.0
-#: Deviations are clipped at this many standard deviations, against wild points.
-CLIP = 3.0
-#: Noise assumed before anything is known, relative: of the order of a careful sine test.
-FIRST_GUESS = 0.02
-#: Smallest noise, so that computed records do not divide by zero.
-LEAST = 1e-6
+CLIP = 3.0  #: deviations are clipped at this many standard deviations, against wild points
+FIRST_GUESS = 0.02  #: noise assumed before anything is known, relative: of the order of a careful sine test
+LEAST = 1e-6  #: smallest noise, so that computed records do not divide by zero
 #: Share of a further channel that the model cannot predict: the third harmonic feeds back, axes are not square.
 FURTHER_ERROR = 0.05
 #: Largest reading of a cross-axis channel, over its roughness, that may be noise floor alone: noise exceeds 3.5 in one
@@ -43,13 +40,11 @@ _FLOOR = 4.0
 #: Scatter of gain, and of frequency in units of the bandwidth, with their prior probabilities.
 AMPLITUDE_GRID = ((1e-6, 0.6), (0.003, 0.1), (0.006, 0.1), (0.012, 0.1), (0.025, 0.08), (0.05, 0.02))
 FREQUENCY_GRID = ((1e-6, 0.6), (0.015, 0.1), (0.03, 0.1), (0.06, 0.1), (0.12, 0.09), (0.2, 0.01))
-#: Nodes of ln noise, in units of its standard deviation.
-_NODES = np.linspace(-2.5, 2.5, 11)
+_NODES = np.linspace(-2.5, 2.5, 11)  #: nodes of ln noise, in units of its standard deviation
 #: Correlation of the errors of neighbouring rows where noise is not stated, with its prior probability: unknown errors
 #: of a test are as often smooth (a mode shape, a reference) as independent at every row.
 CORRELATION_GRID = ((0.0, 0.55), (0.3, 0.15), (0.6, 0.15), (0.8, 0.15))
-#: Most refits, each at the most probable scatter and noise of the fit before.
-_MOST_ROUNDS = 3
+_MOST_ROUNDS = 3  #: most refits, each at the most probable scatter and noise of the fit before
 #: Largest deviation of a sweep, in standard deviations, from which a refit at another scatter starts.
 _FARTHEST = 2.0
 

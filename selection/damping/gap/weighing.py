@@ -24,8 +24,7 @@ from damping.gap.model import residuals
 from damping.gap.rows import PhasorRows
 from damping.gap.wild import log_likelihood
 
-#: Probability that the list of explanations covers.
-COVER = 0.95
+COVER = 0.95  #: probability that the list of explanations covers
 #: Temperature of the log odds between explanations that all imitate a cause outside the library, by what is measured
 #: beyond first harmonics of one state: nothing, third harmonics or another state, both.
 TEMPERATURES = (5.0, 6.0, 2.0)
@@ -47,23 +46,18 @@ PER_BEYOND = 0.7
 #: ... and subtracted for each e-fold of dispersion: set by hand, since hardly a case of the regression has any.
 PER_DISPERSION = 3.0
 _MOST_DECADES = 6.0
-#: Largest ln(1 + odds of a foreign cause) that counts: 20 to 1 is as good as certain.
-MOST_RIVAL = 3.0
+MOST_RIVAL = 3.0  #: largest ln(1 + odds of a foreign cause) that counts: 20 to 1 is as good as certain
 #: Gain in ln p of the last effect of several at which it counts as half a makeshift: e^10 is as good as certain.
 _PAYS = 10.0
 #: Largest probability of a cause in the library where an effect of one sweep absorbs all information of a state of a
 #: single sweep: below ``KNOWN``, so that nothing is claimed.
 UNCONFIRMED = 0.4
-#: Probability of a cause in the library from which an explanation is claimed.
-KNOWN = 0.5
+KNOWN = 0.5  #: probability of a cause in the library from which an explanation is claimed
 #: Distance below which two predictions are separated only by chance: expected log odds d^2/2 = 3, one in twenty.
 INDISTINCT = 2.45
-#: Log odds from which a rival is excluded: those of that distance.
-EXCLUDED = 0.5 * INDISTINCT**2
-#: Least odds of an effect that may replace another, however near its prediction.
-LEAST_ODDS = 0.02
-#: Most effects that together may replace one.
-_MOST_SWAPPED = 2
+EXCLUDED = 0.5 * INDISTINCT**2  #: log odds from which a rival is excluded: those of that distance
+LEAST_ODDS = 0.02  #: least odds of an effect that may replace another, however near its prediction
+_MOST_SWAPPED = 2  #: most effects that together may replace one
 
 
 @dataclass(frozen=True)
@@ -233,14 +227,11 @@ def cover_probability(hypotheses: tuple[Explanation, ...]) -> tuple[Explanation,
 
 @dataclass(frozen=True)
 class Group:
-    """Effects that may replace each other in the leading explanation, singly or in combination: ``ways``.
-
-    ``distance``: the largest from the leading one. ``rig``: number of ways, the first ones, that are of the rig alone.
-    """
+    """Effects that may replace each other in the leading explanation, singly or in combination: ``ways``."""
 
     ways: tuple[tuple[str, ...], ...]
-    distance: float
-    rig: int
+    distance: float  #: the largest from the leading one
+    rig: int  #: number of ways, the first ones, that are of the rig alone
 
     @property
     def effects(self) -> tuple[str, ...]:

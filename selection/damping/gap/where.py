@@ -28,16 +28,12 @@ MOST_CELLS = 8
 FEWEST_ROWS = 4
 #: A footprint is where the explanation changes the prediction by more than this, in units of noise.
 VISIBLE = 1.0
-#: Standard uncertainty of the phase pi/2 of a row taken at phase resonance, rad.
-RESONANCE_FOUND = 0.1
-#: Bands of amplitude in every sweep.
-BANDS = 4
-#: With fewer values only power 1 is tried.
-FEW = 6
+RESONANCE_FOUND = 0.1  #: standard uncertainty of the phase pi/2 of a row taken at phase resonance, rad
+BANDS = 4  #: bands of amplitude in every sweep
+FEW = 6  #: with fewer values only power 1 is tried
 #: Standard deviations from the median beyond which a value is left out of a local mean: one in 16 000 by chance.
 FAR = 4.0
-#: Powers of amplitude that are tried.
-POWERS = np.array([-1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])
+POWERS = np.array([-1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])  #: powers of amplitude that are tried
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,7 @@ WILD_WEIGHT = 0.5
 #: Largest share of one quantity's values that may be stray readings; extra number allowed in a short record.
 MOST_WILD = 0.05
 _FEW_WILD = 2.0
-#: Three wild neighbours occur by chance in one of 2000 sweeps of 60 rows; two in one of 40.
-_NEIGHBOURS = 3
+_NEIGHBOURS = 3  #: three wild neighbours occur by chance in one of 2000 sweeps of 60 rows; two in one of 40
 #: Wild amplitudes at the peak of a sweep, or at one frequency, are no stray readings if less probable than this.
 _BY_CHANCE = 0.003
 

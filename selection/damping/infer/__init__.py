@@ -10,12 +10,9 @@ import numpy as np
 
 from damping.arrays import FloatArray
 
-#: Default seed of all sampling, also on the command line.
-SEED = 1970
-#: Most terms of which all subsets are tried.
-FEW_TERMS = 3
-#: Relative ridge of the normal equations, so that collinear columns cause no error.
-DEPENDENT = 1e-13
+SEED = 1970  #: default seed of all sampling, also on the command line
+FEW_TERMS = 3  #: most terms of which all subsets are tried
+DEPENDENT = 1e-13  #: relative ridge of the normal equations, so that collinear columns cause no error
 
 
 def solve_nonnegative_batch(columns: FloatArray, target: FloatArray) -> FloatArray:

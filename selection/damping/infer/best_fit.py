@@ -29,8 +29,7 @@ from damping.infer.law import SCATTER_MEDIAN, Coordinates, Law
 from damping.infer.likelihood import residuals
 from damping.infer.observations import FITTED_BITS, Observations, round_bits
 
-#: Passes of reweighting, which converges quadratically: a dozen reach rounding.
-REWEIGHTINGS = 12
+REWEIGHTINGS = 12  #: passes of reweighting, which converges quadratically: a dozen reach rounding
 #: Share of the force below which a coefficient is taken as rounding.
 NOTHING = 1e-12
 #: Relative change of the sum of squares at which reweighting stops: in the final fit, and while shapes are searched.
@@ -47,10 +46,8 @@ SHAPE_GRID = (np.arange(24) + 0.5) / 24.0
 #: squares are then known to a millionth.
 EXTREME = (0.001, 0.999)
 SHAPE_STEP = 2e-3
-#: Points of each axis in a refinement, from one neighbour of the best point to the other.
-REFINED_POINTS = 9
-#: Most rows times shape points solved at once: arrays stay within a megabyte.
-MOST = 30_000
+REFINED_POINTS = 9  #: points of each axis in a refinement, from one neighbour of the best point to the other
+MOST = 30_000  #: most rows times shape points solved at once: arrays stay within a megabyte
 
 
 @dataclass(frozen=True)
@@ -133,8 +130,7 @@ def _remember_fits(record: tuple[object, ...]) -> dict[_Key, Searched | None]:
     return {}
 
 
-#: A law and a record, both dimensionless.
-Problem = tuple[Coordinates, Observations]
+Problem = tuple[Coordinates, Observations]  #: a law and a record, both dimensionless
 #: Shapes of a best fit as standard normal variables (shapes,), its coefficients (parts,), and the sum of squares.
 Searched = tuple[FloatArray, FloatArray, float]
 

@@ -39,8 +39,7 @@ if TYPE_CHECKING:
 Quantities = Callable[[FloatArray], Mapping[str, FloatArray]]
 #: Share of a run discarded at its beginning: walkers start on draws of the posterior, so little is needed.
 BURN_IN = 0.1
-#: Quantiles that represent the tails of a quantity.
-TAILS = (0.05, 0.95)
+TAILS = (0.05, 0.95)  #: quantiles that represent the tails of a quantity
 #: Factor by which a run that has not converged is extended before the next check.
 GROWTH = 1.5
 #: Most rows times draws that a walker weighs at a step, and fewest of these draws.

@@ -31,24 +31,20 @@ from scipy.special import log_ndtr, logsumexp, ndtri
 
 from damping.arrays import FloatArray
 
-_MOST_COVARIANCES = 250_000  # of draws whose levels are followed together, 2 MB: they stay in a processor's cache
-#: Correlation length of the slope in ln F: about a factor of four in force.
-LENGTH = 1.5
+_MOST_COVARIANCES = 250_000  #: of draws whose levels are followed together, 2 MB: they stay in a processor's cache
+LENGTH = 1.5  #: correlation length of the slope in ln F: about a factor of four in force
 #: Prior of the straying slope per unit of nonlinearity: median and log standard deviation, so that 5 % lie below 0.0035
 #: and 5 % above 0.5. Tested on structures of the kinds of ``damping calibrate``, in and out of the library.
 DOUBT_MEDIAN = 0.04
 DOUBT_LOG_SD = 1.5
-#: Nonlinearity |q - 1| of a law that seems linear: over a narrow test many are.
-LINEAR = 0.04
+LINEAR = 0.04  #: nonlinearity |q - 1| of a law that seems linear: over a narrow test many are
 #: Nonlinearity of damping that grows slower than amplitude (q > 1), over that of damping that grows faster: friction
 #: and slip tend to linear damping, while growing damping may stop growing or grow faster still. Tested as above.
 SLOWER = 0.3
-#: Factor on upward straying beyond the test: joints let go sooner than they take hold.
-STEEPER = 2.5
+STEEPER = 2.5  #: factor on upward straying beyond the test: joints let go sooner than they take hold
 #: Prior probability of a joint, without the frequency: its share of the kinds of ``damping calibrate``.
 JOINTS = 1.0 / 3.0
-#: Probability of a joint from which a slipping joint is reported.
-LIKELY = 0.5
+LIKELY = 0.5  #: probability of a joint from which a slipping joint is reported
 #: Standard deviation of a joint's fall f >= 0 (half-normal): the fall of a Masing loop, 1.5 to 9 times its loss, times
 #: the joint's share of the loss and the share of its fall within the test.
 JOINT_FALL = 1.0
@@ -107,8 +103,7 @@ class JointEvidence(NamedTuple):
     failing: float = 0.0
 
 
-#: Without information from the resonances.
-ANY_JOINT = JointEvidence()
+ANY_JOINT = JointEvidence()  #: without information from the resonances
 
 
 def place_steps(farthest: float) -> FloatArray:

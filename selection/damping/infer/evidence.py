@@ -21,27 +21,21 @@ from damping.infer.observations import Observations, round_bits
 #: First step of a difference quotient, and its range, in standard normal variables.
 FIRST_STEP = 1e-3
 STEP_RANGE = (1e-5, 1e-2)
-#: Step of a difference quotient in standard deviations of the posterior along that axis.
-STEP_PER_SD = 0.3
-#: Shares of a Newton step, tried at once.
-STEP_SHARES = np.array([1.0, 0.5, 0.2, 0.05, 0.01])
+STEP_PER_SD = 0.3  #: step of a difference quotient in standard deviations of the posterior along that axis
+STEP_SHARES = np.array([1.0, 0.5, 0.2, 0.05, 0.01])  #: shares of a Newton step, tried at once
 #: Most Newton steps; gain of log density below which the mode is reached, accurate enough to start draws.
 MOST_STEPS = 20
 STILL = 1e-2
-#: Binary digits of the start of the search, so that rounding in other units does not move it.
-START_BITS = 12
+START_BITS = 12  #: binary digits of the start of the search, so that rounding in other units does not move it
 #: Prior points, the best of which starts a second search.
 STARTS = 512
 #: Standard normal variables of scatters and doubt at which the search from the best fit may start.
 SCORES = np.array([-2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
-#: Distance, in joint standard deviations, from which two modes are distinct.
-APART = 1.0
-#: Finite value for an impossible law in the search.
-BARRIER = 1e8
+APART = 1.0  #: distance, in joint standard deviations, from which two modes are distinct
+BARRIER = 1e8  #: finite value for an impossible law in the search
 
 LogDensity = Callable[[FloatArray], FloatArray]
-#: A function with the arguments of `evidence` up to ``floor``.
-Estimate = Callable[..., Evidence]
+Estimate = Callable[..., Evidence]  #: a function with the arguments of `evidence` up to ``floor``
 
 
 def evidence(

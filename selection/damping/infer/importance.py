@@ -15,8 +15,7 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.infer.proposal import Proposal, fill_space
 
-#: Draws of each round: more where few were not enough.
-ROUNDS = (2048, 1024, 1024, 2048, 4096, 8192)
+ROUNDS = (2048, 1024, 1024, 2048, 4096, 8192)  #: draws of each round: more where few were not enough
 #: Effective draws of a first look at a law (marginal likelihood to 6 %), and of a full estimate (3 %).
 BRIEF_DRAWS = 250
 FULL_DRAWS = 1000
@@ -38,12 +37,9 @@ IMPORTANT = 4.6
 OF_UNIMPORTANT = 0.5
 #: Change of ln evidence in a round below which it has converged.
 SETTLED = 0.1
-#: Share of effective draws in the first round above which no adaptation is needed.
-CLOSE = 0.25
-#: Bisections for the tempering exponent: to 1e-6.
-_HALVINGS = 20
-#: Shared by all laws of as many variables; at most 9 MB.
-_fill_space = lru_cache(maxsize=16)(fill_space)
+CLOSE = 0.25  #: share of effective draws in the first round above which no adaptation is needed
+_HALVINGS = 20  #: bisections for the tempering exponent: to 1e-6
+_fill_space = lru_cache(maxsize=16)(fill_space)  #: shared by all laws of as many variables; at most 9 MB
 
 
 @dataclass(frozen=True)

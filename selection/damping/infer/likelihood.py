@@ -25,8 +25,7 @@ from damping.infer.law import Coordinates
 from damping.infer.levels import integrate_curves, integrate_levels, split_strays, stray_at
 from damping.infer.observations import Observations
 
-#: The prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow.
-REACH = 8.0
+REACH = 8.0  #: the prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow
 #: Points times rows computed at once: half a dozen such arrays stay in 1 MB, the second-level cache of a processor.
 BLOCK = 15_000
 #: Correlation length of the drift of a decay in ln A: a level or two of the usual steps of a fifth.

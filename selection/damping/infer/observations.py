@@ -29,8 +29,7 @@ MOST_SWEEPS = 100
 #: smaller and hardly ever changes one of them; if one changes, draws differ entirely. Best fits are less sensitive.
 DRAWN_BITS = 26
 FITTED_BITS = 40
-#: Relative difference of two squares taken as rounding.
-ROUNDING = 1e-14
+ROUNDING = 1e-14  #: relative difference of two squares taken as rounding
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,7 @@ PARTS = 8
 BLOCK = 1024
 #: Rounding of the first means and roots, in conditional standard deviations given the variables before.
 ROUNDED = 2.0**-12
-#: Most draws to which a proposal is fitted.
-MOST_FITTED = 1024
+MOST_FITTED = 1024  #: most draws to which a proposal is fitted
 #: Share of the total covariance added to each component's, so that few different draws still cover their surroundings:
 #: the first over the effective draws, and at least the second.
 BLUR = 20.0

@@ -99,8 +99,7 @@ def _predict_all(fits: Sequence[BestFit], force: float, omega: float) -> FloatAr
     return amplitude
 
 
-#: Most fits of a law without some of the sweeps.
-MOST_FOLDS = 20
+MOST_FOLDS = 20  #: most fits of a law without some of the sweeps
 
 
 def percent_errors(force: Force, data: Observations) -> FloatArray:

@@ -9,8 +9,7 @@ from scipy.special import ndtri
 from damping.arrays import FloatArray
 from damping.infer.law import Coordinates
 
-#: Content of the credible interval of a coefficient in the table.
-INTERVAL = 0.90
+INTERVAL = 0.90  #: content of the credible interval of a coefficient in the table
 #: Standard deviation of a coefficient, over that of a normal posterior with its interval, from which a few extreme
 #: draws dominate it (that of a power law was 20 or 140 by the seed).
 LONG_TAIL = 2.0

@@ -42,10 +42,8 @@ NODES = np.linspace(0.5, 15.5, 16) / 16.0
 #: Number of further nodes around the joint posterior of the shape, and their least distance from others.
 CLOSER_NODES = 8
 APART = 1e-3
-#: Prior quantiles for the integrals.
-FINE = np.linspace(0.5, 3999.5, 4000) / 4000.0
-#: Probability outside either end of the intervals of a shape.
-TAIL = 0.05
+FINE = np.linspace(0.5, 3999.5, 4000) / 4000.0  #: prior quantiles for the integrals
+TAIL = 0.05  #: probability outside either end of the intervals of a shape
 
 
 @dataclass(frozen=True)

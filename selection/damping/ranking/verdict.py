@@ -46,15 +46,13 @@ DIFFERENCE_FREEDOM = 2.0 / 3.0
 #: Largest noise of one row, relative amplitude, that can excuse a law: rows of a resonance do not differ by more from
 #: their neighbours. A uniform phase has .9.
 ROUGHEST = 0.2
-#: Scatter from row to row over the stated noise, above which the stated noise is questioned.
-UNDERSTATED = 2.0
+UNDERSTATED = 2.0  #: scatter from row to row over the stated noise, above which the stated noise is questioned
 #: Levels lie apart where they scatter by this many times the noise of one row: so do 1 of 325 sweeps of structures in
 #: and out of the library with exact levels (with the next condition) ...
 BEYOND_ROWS = 5.0
 #: ... and by at least this in ln A: repeats of one level on large structures scatter by less.
 LEVELS_APART = 0.03
-#: Amplitude per force of a row, over that at its sweep's resonance, beyond the noise of a row.
-PEAKED = 1.15
+PEAKED = 1.15  #: amplitude per force of a row, over that at its sweep's resonance, beyond the noise of a row
 FEWEST_LEVELS = 3  #: with two it is unknown which one is off
 
 
@@ -152,8 +150,7 @@ def _measure_discrepancy(fit: BestFit, data: Observations, variance: FloatArray,
 
 #: Rows per independent row where laws are compared: neighbours of correlation .6 are worth a quarter.
 ROWS_TOGETHER = 4.0
-#: Scatter of levels, relative, that leaves their gains free.
-FREE = 10.0
+FREE = 10.0  #: scatter of levels, relative, that leaves their gains free
 
 
 def exceed_probability(fit: BestFit, best: BestFit, data: Observations) -> float:
