@@ -36,7 +36,7 @@ from damping.forces.powers import (
     VelocitySquared,
 )
 from damping.forces.shapes import FORCE, LENGTH, Shape
-from damping.forces.smooth import SmoothSlip
+from damping.forces.smooth import LARGEST_RELIEF, LEAST_RELIEF, SmoothSlip
 
 #: Quadrature over the share of slipping joints: nodes and weights of Gauss and Legendre in the root of the remaining
 #: share, which puts most nodes at large limits.
@@ -204,7 +204,8 @@ def _joint_form(shapes: tuple[FormVariable, ...], scales: Scales, switch: str = 
 _KAPPA = Shape("kappa", least=0.0, default=0.0, label="kappa (large: all joints slip at one limit)")
 _BOUNDED = Shape("bounded", default=0.0, switch=True, label="many joints, none with a larger limit")
 _SMOOTH = Shape("smooth", default=0.0, switch=True, excludes="kappa", label="yields gradually (Bouc and Wen)")
-_RELIEF = Shape("relief", least=0.5, below=4.0, default=1.0, label="stiffness after a turn over stuck one (2: Dahl)")
+_TURN = "stiffness after a turn over stuck one (2: Dahl)"
+_RELIEF = Shape("relief", least=LEAST_RELIEF, below=LARGEST_RELIEF, default=1.0, label=_TURN)
 SLIP = Effect(
     name="slip",
     kind="force",

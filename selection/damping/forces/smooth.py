@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
-from math import exp, pi
+from math import exp, log, pi
 
 import numpy as np
 
@@ -13,8 +13,11 @@ from damping.forces.joints import SlippingForce
 
 #: ln(A/A1) of the table: steps of 1 %, right to 2e-5 between; beyond it averages are powers of A.
 _LN_RATIO = np.linspace(-6.0, 12.0, 1801)
-#: ln(relief) of the table: a polynomial through all is right to 1e-4 from 0.7 to 2.8.
-_LN_RELIEF = np.log(2.0) / 3.0 * np.arange(-1.0, 5.0)
+#: Reliefs that a model may state; a fit does not leave them.
+LEAST_RELIEF, LARGEST_RELIEF = 0.3, 6.0
+#: ln(relief) of the table, Chebyshev's: a polynomial through all is right to 1e-6 of the largest value.
+_LN_RELIEF = np.polynomial.chebyshev.chebgauss(11)[0] * 0.5 * log(LARGEST_RELIEF / LEAST_RELIEF)
+_LN_RELIEF += 0.5 * log(LARGEST_RELIEF * LEAST_RELIEF)
 #: Relief less 1 that counts as none.
 _NO_RELIEF = 1e-11
 #: Iterations for the stretch at the turns: to the last digit at any amplitude.
@@ -54,7 +57,7 @@ def _lag(Z: Floats, r: FloatArray, travel: Floats) -> FloatArray:
 
 @cache
 def _tabulate() -> FloatArray:
-    """C, dC/d ln A, S, dS/d ln A and the third harmonic, over ln(A/A1) and ln(relief), (1801, 6, 6).
+    """C, dC/d ln A, S, dS/d ln A and the third harmonic, over ln(A/A1) and ln(relief), (1801, 11, 6).
 
     Of unit k A. All are divided by a/(1 + a)^2, S and its slope by a/(1 + a): so they tend to constants.
     """
