@@ -117,18 +117,7 @@ def yield_smoothly(z: float, q: np.ndarray, relief: float = 1.0) -> np.ndarray:
     return np.asarray(stretched.y[0])
 
 
-SMOOTH = [
-    (0.05, 1.0),
-    (0.4, 1.0),
-    (1.5, 1.0),
-    (6.0, 1.0),
-    (60.0, 1.0),
-    (0.4, 2.0),
-    (6.0, 2.0),
-    (1.5, 1.4),
-    (0.4, 0.4),
-    (1.5, 5.0),
-]
+SMOOTH = [*((a, 1.0) for a in (0.05, 0.4, 1.5, 6.0, 60.0)), (0.4, 2.0), (6.0, 2.0), (1.5, 1.4), (0.4, 0.4), (1.5, 5.0)]
 
 
 @pytest.mark.parametrize(("a", "relief"), SMOOTH)

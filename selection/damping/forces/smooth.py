@@ -13,11 +13,12 @@ from damping.forces.joints import SlippingForce
 
 #: ln(A/A1) of the table: steps of 1 %, right to 2e-5 between; beyond it averages are powers of A.
 _LN_RATIO = np.linspace(-6.0, 12.0, 1801)
-#: Reliefs that a model may state; a fit does not leave them.
-LEAST_RELIEF, LARGEST_RELIEF = 0.3, 6.0
+LEAST_RELIEF = 0.3  #: that a model may state; a fit does not leave these limits
+LARGEST_RELIEF = 6.0
 #: ln(relief) of the table, Chebyshev's: a polynomial through all is right to 1e-6 of the largest value.
-_LN_RELIEF = np.polynomial.chebyshev.chebgauss(11)[0] * 0.5 * log(LARGEST_RELIEF / LEAST_RELIEF)
-_LN_RELIEF += 0.5 * log(LARGEST_RELIEF * LEAST_RELIEF)
+_LN_RELIEF = 0.5 * (
+    log(LARGEST_RELIEF * LEAST_RELIEF) + log(LARGEST_RELIEF / LEAST_RELIEF) * np.polynomial.chebyshev.chebgauss(11)[0]
+)
 #: Relief less 1 that counts as none.
 _NO_RELIEF = 1e-11
 #: Iterations for the stretch at the turns: to the last digit at any amplitude.
