@@ -253,8 +253,9 @@ def build(frequency, mass, damping, **rest):
     """A mode whose joint loses no more stiffness than there is; none where that is too small a number."""
     K = mass * (2.0 * pi * frequency) ** 2
     for forces in (damping, rest["effects"]):
-        slip = forces.pop("slip", None)
-        forces |= {"slip": slip | {"stiffness": min(slip["stiffness"], K)}} if slip and K >= 1e-50 else {}
+        for name in ("slip", "dahl"):
+            joint = forces.pop(name, None)
+            forces |= {name: joint | {"stiffness": min(joint["stiffness"], K)}} if joint and K >= 1e-50 else {}
     return Mode(frequency=frequency, mass=mass, damping=damping, **rest)
 
 
