@@ -163,7 +163,7 @@ def test_averages_of_a_joint_of_dahl_are_closed(a: float) -> None:
     np.testing.assert_allclose([C, S], 6.0 * A1 * np.array(expected), rtol=3e-5)  # of the table, as above
     closed = Dahl(6.0, A1)
     np.testing.assert_allclose(np.ravel(closed.averages(*at))[::2], 6.0 * A1 * np.array(expected), rtol=1e-12)
-    # of the table: slopes are differences over 1 % of it; the third harmonic is by 24 points of the loop, with its corner
+    # slopes are differences over 1 % of the table; the third harmonic is by 24 points of the loop, which has corners
     np.testing.assert_allclose(np.ravel(closed.averages(*at))[1::2], [C_slope, S_slope], rtol=1e-3, atol=1e-3 * C)
     np.testing.assert_allclose(closed.third(*at)[0], SmoothSlip(6.0, A1, 2.0).third(*at), rtol=1e-2)
     after, before = (closed.in_phase(by * at[0], at[1])[0] for by in (np.exp(1e-4), np.exp(-1e-4)))

@@ -150,16 +150,16 @@ class SmoothSlip(SlippingForce):
 class Dahl(SlippingForce):
     """A joint that yields gradually from the smallest motion on: the law of Dahl (1968).
 
-    The stretch z follows dz/dq = 1 - (z/A1) sgn q', so that it is an exponential of the travel between the turns; the
-    force is k (z - q). It is `SmoothSlip` of relief 2, whose averages are closed. C grows with A^2 at first and tends to
-    4 k A1/pi, as of `Slip`.
+    The stretch z follows dz/dq = 1 - (z/A1) sgn q': between the turns it is an exponential of the travel. The force is
+    k (z - q), that of `SmoothSlip` with relief 2, in closed form. C grows with A^2 at first and tends to 4 k A1/pi, as
+    of `Slip`. It is a candidate law beside viscous damping alone.
     """
 
     name: ClassVar[str] = "dahl"
     label: ClassVar[str] = "joint that yields gradually (Dahl)"
     formula: ClassVar[str] = "joint of stiffness K - K1 that yields gradually, with the stretch A1 at most"
-    #: A few levels cannot tell it from `Slip` in more sums. Alone it cannot balance larger forces than it was tested at:
-    #: it would refuse every prediction, for structures that have some linear damping as well.
+    # alone it has no amplitude at forces over 4 k A1/pi, where structures, which have some linear damping, have one; in
+    # more sums a few levels cannot tell it from `Slip`
     sums: ClassVar[bool] = False
     beside: ClassVar[tuple[str, ...]] = ("viscous",)
 
@@ -187,7 +187,7 @@ class Dahl(SlippingForce):
         return np.asarray(4.0 * self.stiffness * self.limit / pi)
 
     def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """k (z - q) over the steady cycle: z is A1 (1 - (1 + tanh a) exp(-travel/A1)) from either turn, on the way up."""
+        """k (z - q) over the steady cycle: z = A1 (1 - (1 + tanh a) exp(-travel/A1)) from the lower turn up."""
         a, way = A / self.limit, np.where(np.cos(theta) < 0.0, -1.0, 1.0)
         z = way * (1.0 - (1.0 + np.tanh(a)) * np.exp(-a * (1.0 + way * np.sin(theta))))
         return np.asarray(self.stiffness * self.limit * (z - a * np.sin(theta)) + zeros(omega))

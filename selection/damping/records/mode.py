@@ -100,12 +100,12 @@ class Mode:
     """One vibration mode as the simulation assumes it, checked like a mode file.
 
     ``frequency`` is the undamped natural frequency in Hz (with ``slip`` or ``dahl``: of the stuck state), ``mass`` the
-    generalized mass. ``damping`` maps the name of each simulated damping force to its parameters (``coefficient``; ``exponent`` of
-    the two power laws; ``stiffness`` and ``limit`` of ``slip`` and ``dahl``), ``effects`` the name of each other effect to its
-    parameters. ``drive`` is ``force``, or ``base`` if the column ``force`` holds the acceleration of the base and
-    ``amplitude`` the motion relative to it; the mass then only scales the damping forces, and defaults to 1. ``source``
-    says where the mode is from. Tables may be given as in a mode file: mappings, and a bare number for the coefficient
-    of a force without other parameters.
+    generalized mass. ``damping`` maps the name of each simulated damping force to its parameters (``coefficient``;
+    ``exponent`` of the two power laws; ``stiffness`` and ``limit`` of ``slip`` and ``dahl``), ``effects`` the name of
+    each other effect to its parameters. ``drive`` is ``force``, or ``base`` if the column ``force`` holds the
+    acceleration of the base and ``amplitude`` the motion relative to it; the mass then only scales the damping forces,
+    and defaults to 1. ``source`` says where the mode is from. Tables may be given as in a mode file: mappings, and a
+    bare number for the coefficient of a force without other parameters.
 
     InputError: what :func:`read_mode` refuses.
     """
