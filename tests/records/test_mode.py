@@ -143,6 +143,11 @@ REFUSED = {
         ", line 6, column stiffness: is 741; expected at most 740.22, the stiffness of the mode, mass times "
         "(2 pi frequency)^2",
     ),
+    "all of the stiffness lost by the joint of Dahl": (
+        MODE + "[damping]\ndahl = {stiffness = 741, limit = 0.1}\n",
+        ", line 6, column stiffness: is 741; expected at most 740.22, the stiffness of the mode, mass times "
+        "(2 pi frequency)^2",
+    ),
     "all of the stiffness lost by an effect": (
         MODE + "[effects.slip]\nlimit = 0.1\nstiffness = 741\n",
         ", line 7, column stiffness: is 741; expected at most 740.22, the stiffness of the mode, mass times "
