@@ -53,7 +53,7 @@ RANKED = 63  #: posterior draws that a true value is ranked among
 #: Laws whose posteriors are calibrated: all with a resonance, alone and beside a viscous part.
 CALIBRATED = (
     *(Law((name,)) for name in CATALOGUE if component(name).example.resonates),
-    *(Law(("viscous", name)) for name, kind in CATALOGUE.items() if kind.sums and not kind.viscous),
+    *(Law(("viscous", name)) for name, kind in CATALOGUE.items() if (kind.sums or kind.beside) and not kind.viscous),
 )
 TESTED = Tested(0.5, 2.0, OMEGA)  #: what the calibration data are taken to cover, for the priors of shapes
 _FORCES = np.geomspace(0.5, 2.0, 4)  #: forces of calibration data, of the order of one

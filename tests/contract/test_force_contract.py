@@ -18,6 +18,7 @@ from damping.forces import (
     CATALOGUE,
     Coulomb,
     CubicStiffness,
+    Dahl,
     Displacement,
     DisplacementVelocity,
     DisplacementVelocityPower,
@@ -33,6 +34,7 @@ from damping.forces import (
     case_five,
     energy_per_cycle,
 )
+from damping.forces.joints import SlippingForce
 from damping_reed1970.chapter_2 import loop
 
 SINGLE = {
@@ -47,6 +49,7 @@ SINGLE = {
     "coulomb": Coulomb(0.6),
     "slip": Slip(6.0, 0.3),
     "slip of large limit": Slip(6.0, 0.55),
+    "dahl": Dahl(6.0, 0.3),
 }
 BESIDE = {
     "energy term": EnergyTerm(0.8, 3.0, 2.0),
@@ -89,7 +92,7 @@ def average(force: Force, A: float, omega: float, weight) -> float:
 
 def size(force: Force, A: float, omega: float) -> float:
     """Largest force of the cycle, joints' springs included: the scale against which a vanishing average is zero."""
-    springs = sum(float(part.stiffness) * A for part in parts_of(force) if isinstance(part, Slip))
+    springs = sum(float(part.stiffness) * A for part in parts_of(force) if isinstance(part, SlippingForce))
     return springs + float(np.max(np.abs(force.cycle(np.linspace(0, 2 * np.pi, 721), A, omega))))
 
 
@@ -128,6 +131,8 @@ def test_slopes_are_derivatives_in_log_amplitude(force: Force, A: float, omega: 
     step = 1e-30
     amplitude = np.complex128(A * (1 + 1j * step))
     for average_of, slope in (("quadrature", "slope"), ("in_phase", "in_phase_slope")):
+        if isinstance(force, Dahl) and average_of == "in_phase":
+            continue  # scaled Bessel functions take real numbers alone: held to differences beside its closed forms
         derivative = np.imag(evaluate(force, average_of, amplitude, omega)) / step
         found = evaluate(force, slope, A, omega)
         np.testing.assert_allclose(found, derivative, rtol=1e-13, atol=1e-13 * size(force, A, omega))
@@ -161,7 +166,7 @@ def test_energy_is_never_negative_and_is_the_area_of_the_loop(force: Force, A: f
 @every_force
 def test_energy_scales_with_its_exponents(force: Force) -> None:
     if force.energy_exponents is None:
-        assert isinstance(force, Sum | Slip | CubicStiffness)  # these have no exponents to hold
+        assert isinstance(force, Sum | SlippingForce | CubicStiffness)  # these have no exponents to hold
         return
     m, n = force.energy_exponents
     A, omega = 0.7, 5.0
@@ -239,7 +244,7 @@ def test_facts_are_what_the_averages_do(force: Force, A: float, omega: float) ->
         np.testing.assert_allclose(C, C[0] * levels / levels[0], rtol=1e-13, atol=0.0)  # rounding
         assert np.all(S == 0.0)
     # memory is what g, a function of the instant, cannot give: a spring that is stuck has neither
-    assert bool(force.joints) == any(isinstance(part, Slip) for part in parts_of(force))
+    assert bool(force.joints) == any(isinstance(part, SlippingForce) for part in parts_of(force))
 
 
 @pytest.mark.parametrize("kind", CATALOGUE.values(), ids=CATALOGUE)

@@ -28,6 +28,7 @@ NAMES = [
     "displacement-velocity-power",
     "coulomb",
     "slip",
+    "dahl",
 ]
 
 

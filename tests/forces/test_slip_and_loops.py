@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from scipy.special import i1e
 
 from damping.forces import Slip, VelocitySquared, Viscous, energy_per_cycle
-from damping.forces.smooth import SmoothJoint, SmoothSlip
+from damping.forces.smooth import Dahl, SmoothJoint, SmoothSlip
 from damping_reed1970.chapter_2 import (
     equivalence_error,
     equivalent_coefficient,
@@ -157,9 +157,18 @@ def test_a_smooth_joint_beyond_its_table() -> None:
 @pytest.mark.parametrize("a", [0.05, 1.0, 40.0])
 def test_averages_of_a_joint_of_dahl_are_closed(a: float) -> None:
     """C = (4/pi) k A1 (1 - tanh(a)/a), S = k A1 (2 I_1(a)/cosh(a) - a): z is an exponential between the turns."""
-    C, _, S, _ = SmoothSlip(6.0, A1, 2.0).averages(np.array([a * A1]), np.array([7.0]))
+    at = np.array([a * A1]), np.array([7.0])
+    C, C_slope, S, S_slope = np.ravel(SmoothSlip(6.0, A1, 2.0).averages(*at))
     expected = 4.0 / np.pi * (1.0 - np.tanh(a) / a), 4.0 * i1e(a) / (1.0 + np.exp(-2.0 * a)) - a
-    np.testing.assert_allclose([C[0], S[0]], 6.0 * A1 * np.array(expected), rtol=3e-5)  # of the table, as above
+    np.testing.assert_allclose([C, S], 6.0 * A1 * np.array(expected), rtol=3e-5)  # of the table, as above
+    closed = Dahl(6.0, A1)
+    np.testing.assert_allclose(np.ravel(closed.averages(*at))[::2], 6.0 * A1 * np.array(expected), rtol=1e-12)
+    # slopes are differences over 1 % of the table; the third harmonic is by 24 points of the loop, which has corners
+    np.testing.assert_allclose(np.ravel(closed.averages(*at))[1::2], [C_slope, S_slope], rtol=1e-3, atol=1e-3 * C)
+    np.testing.assert_allclose(closed.third(*at)[0], SmoothSlip(6.0, A1, 2.0).third(*at), rtol=1e-2)
+    after, before = (closed.in_phase(by * at[0], at[1])[0] for by in (np.exp(1e-4), np.exp(-1e-4)))
+    slope = closed.restoring(*at)[1][0]
+    np.testing.assert_allclose(slope, (after - before) / 2e-4, rtol=1e-7)  # of the step, squared, and rounding
 
 
 @pytest.mark.parametrize("relief", [1.0, 2.0])

@@ -26,6 +26,7 @@ FORCES = {
     "displacement-velocity-power": {"coefficient": 0.1, "exponent": 1.3},
     "coulomb": {"coefficient": 1.0},
     "slip": {"stiffness": 8.0, "limit": 0.1},
+    "dahl": {"stiffness": 8.0, "limit": 0.1},
 }
 EFFECTS = {
     "viscous-coefficient": {"relative": 0.3},

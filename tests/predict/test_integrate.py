@@ -25,7 +25,7 @@ from damping.forces import (
     VelocitySquared,
     Viscous,
 )
-from damping.forces.smooth import SmoothSlip
+from damping.forces.smooth import Dahl, SmoothSlip
 from damping.predict.branches import branches, sweep
 from damping.predict.integrate import (
     Oscillator,
@@ -136,7 +136,7 @@ AGREEMENT: dict[str, tuple[Force, float, float]] = {
     "slip": (Sum((Slip(20.0, 0.2), Viscous(0.5))), 1e-3, 1e-3),
     # as above; less of a third harmonic, since it yields gradually
     "smooth slip": (Sum((SmoothSlip(20.0, 0.2), Viscous(0.5))), 1e-3, 1e-3),
-    "slip of Dahl": (Sum((SmoothSlip(20.0, 0.2, 2.0), Viscous(0.5))), 1e-3, 1e-3),
+    "dahl": (Sum((Dahl(20.0, 0.2), Viscous(0.5))), 1e-3, 1e-3),
     # third harmonic of the spring's force k3 A^3/4, of the motion k3 A^2/(32 K) of A, 2e-4
     "cubic-stiffness": (Sum((CubicStiffness(5.0), Viscous(1.0))), 1e-5, 5e-5),
 }

@@ -119,9 +119,10 @@ def test_weights_ranks_and_order(whole):
 
 
 def test_candidates_are_every_sum_of_three_by_rule():
-    """Seven forces that are terms of sums: 7 + 21 + 35 sums, and the two power laws of section 4.3."""
+    """Seven forces that are terms of sums: 7 + 21 + 35 sums, the two power laws of section 4.3, and a joint of Dahl."""
     laws = candidate_laws()
-    assert len(laws) == 7 + 21 + 35 + 2
+    assert len(laws) == 7 + 21 + 35 + 2 + 1
+    assert [law for law in laws if "dahl" in law.components] == [Law(("viscous", "dahl"))]
     assert Law(("viscous", "displacement", "slip")) in laws
     assert candidate_laws([Law(("displacement", "viscous"))]) == laws
     assert len(candidate_laws([Law(("viscous", "velocity-power"))])) == len(laws) + 1

@@ -143,6 +143,11 @@ REFUSED = {
         ", line 6, column stiffness: is 741; expected at most 740.22, the stiffness of the mode, mass times "
         "(2 pi frequency)^2",
     ),
+    "all of the stiffness lost by the joint of Dahl": (
+        MODE + "[damping]\ndahl = {stiffness = 741, limit = 0.1}\n",
+        ", line 6, column stiffness: is 741; expected at most 740.22, the stiffness of the mode, mass times "
+        "(2 pi frequency)^2",
+    ),
     "all of the stiffness lost by an effect": (
         MODE + "[effects.slip]\nlimit = 0.1\nstiffness = 741\n",
         ", line 7, column stiffness: is 741; expected at most 740.22, the stiffness of the mode, mass times "
@@ -253,8 +258,9 @@ def build(frequency, mass, damping, **rest):
     """A mode whose joint loses no more stiffness than there is; none where that is too small a number."""
     K = mass * (2.0 * pi * frequency) ** 2
     for forces in (damping, rest["effects"]):
-        slip = forces.pop("slip", None)
-        forces |= {"slip": slip | {"stiffness": min(slip["stiffness"], K)}} if slip and K >= 1e-50 else {}
+        for name in ("slip", "dahl"):
+            joint = forces.pop(name, None)
+            forces |= {name: joint | {"stiffness": min(joint["stiffness"], K)}} if joint and K >= 1e-50 else {}
     return Mode(frequency=frequency, mass=mass, damping=damping, **rest)
 
 

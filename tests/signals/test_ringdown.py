@@ -27,6 +27,7 @@ from damping.forces import (
     VelocitySquared,
     Viscous,
 )
+from damping.forces.smooth import Dahl
 from damping.infer.observations import observe
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
@@ -108,6 +109,8 @@ AGREEMENT: dict[str, tuple[Force, float, float]] = {
     # error of that order where most of the joint's stiffness comes back; and a level of 0.3 in ln A about the limit,
     # where dC/d ln A jumps from 0.6 to 2.6 at C = 0.6, gives its middle 0.3/8 of that jump too much, 0.07 at most
     "slip": (Sum((Slip(8.0, 0.2), Viscous(0.3))), 7e-2, 3e-4),
+    # the same stiffness lost, without the jump
+    "dahl": (Sum((Dahl(8.0, 0.2), Viscous(0.3))), 2e-2, 3e-4),
     # d omega/d ln A is 0.04 of omega; the energy has k3 A^3/4 where the loss of action has 3/8
     "cubic-stiffness": (Sum((CubicStiffness(20.0), Viscous(0.8))), 1e-2, 3e-4),
 }

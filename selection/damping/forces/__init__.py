@@ -21,8 +21,9 @@ from damping.forces.powers import (
     term_powers,
 )
 from damping.forces.shapes import Shape
+from damping.forces.smooth import Dahl
 
-#: The forces of Table 2.I, the two power laws of section 4.3, Coulomb friction and the slip joint of Fig. 2.4c.
+#: The forces of Table 2.I, the two power laws of section 4.3, Coulomb friction, the slip joint of Fig. 2.4c and Dahl's.
 CATALOGUE: dict[str, type[Force]] = {
     "viscous": Viscous,
     "displacement": Displacement,
@@ -33,6 +34,7 @@ CATALOGUE: dict[str, type[Force]] = {
     "displacement-velocity-power": DisplacementVelocityPower,
     "coulomb": Coulomb,
     "slip": Slip,
+    "dahl": Dahl,
 }
 
 
@@ -150,7 +152,7 @@ def coefficient_from_energy(kind: type[Force], a: Floats, **others: Floats) -> F
 
 
 __all__ = [
-    "CATALOGUE", "Component", "Coulomb", "CubicStiffness", "Displacement", "DisplacementVelocity",
+    "CATALOGUE", "Component", "Coulomb", "CubicStiffness", "Dahl", "Displacement", "DisplacementVelocity",
     "DisplacementVelocityPower", "EnergyTerm", "Force", "PowerStiffness", "QuadraticDisplacement", "Slip", "Sum",
     "VelocityPower", "VelocitySquared", "Viscous", "case_five", "coefficient_from_energy", "component", "damping_term",
     "energy_factor", "energy_per_cycle", "force_class", "from_damping", "list_parameter_names", "make", "shapes_of",

@@ -52,6 +52,8 @@ class Force(ABC):
     viscous: ClassVar[bool] = False
     #: Whether the force may be a term of a sum: one with a free exponent would imitate the other terms.
     sums: ClassVar[bool] = True
+    #: Forces beside which it is a candidate law if it is no term of sums; by default none, so that it is one alone.
+    beside: ClassVar[tuple[str, ...]] = ()
 
     @property
     @abstractmethod

@@ -92,7 +92,10 @@ CREDIBLE = "#93b3d1"
 PREDICTIVE = "#cddcea"
 
 #: Colours of the forces of the catalogue, in its order; of what comes after, as of any other law.
-_COLOURS = ("#5c6670", "#e69f00", "#d55e00", "#0060a8", "#009e73", *("#d45fb0", "#332288", "#999933", "#56b4e9"))
+_COLOURS = (
+    *("#5c6670", "#e69f00", "#d55e00", "#0060a8", "#009e73"),
+    *("#d45fb0", "#332288", "#999933", "#56b4e9", "#661100"),
+)
 _FORCE_COLOURS = dict(zip(CATALOGUE, _COLOURS, strict=False))
 _OTHER_COLOURS = ("#882255", "#245c36", "#6b4fbb", "#8c6d1f", "#cc6677", "#3d5a80", "#c774b8", "#7a3e12", "#44aa99")
 _PALETTE = (INK, MUTED, AVERAGE, LINEAR, BEYOND_TEST, ALERT, CREDIBLE, PREDICTIVE, *_COLOURS, *_OTHER_COLOURS, GRIDLINE)

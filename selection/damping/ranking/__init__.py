@@ -1,9 +1,9 @@
 """Ranking of all distinct damping laws, best first, with a verdict whether any fits.
 
-Candidates are every sum of up to ``MAX_TERMS`` forces of the library, and the power laws, for any record. Laws with the
-same predictions on a record are one entry (``equivalents``) and share one prior mass. Each further term halves the
-prior probability of a number of terms, which the distinct laws of that number share equally. With the priors of
-:mod:`damping.infer.law` and coefficients >= 0,
+Candidates are every sum of up to ``MAX_TERMS`` forces of the library, the power laws, and a joint that yields gradually
+beside viscous damping, for any record. Laws with the same predictions on a record are one entry (``equivalents``) and
+share one prior mass. Each further term halves the prior probability of a number of terms, which the distinct laws of
+that number share equally. With the priors of :mod:`damping.infer.law` and coefficients >= 0,
 
     score = -2 ln(evidence x prior),      weight = posterior probability ~ exp(-score/2).
 """

@@ -28,13 +28,15 @@ NOISE = 0.02
 
 
 def candidate_laws(named: Iterable[Law] = ()) -> list[Law]:
-    """Every sum of up to ``MAX_TERMS`` forces of the library, and each power law alone, independent of the record.
+    """Every sum of up to ``MAX_TERMS`` forces of the library, and those that are no terms of sums, for any record.
+
+    Of these each power law is alone, and the joint of Dahl beside viscous damping (`Force.beside`).
 
     ``named``: further laws, added unless they are among these.
     """
     terms = [name for name, kind in CATALOGUE.items() if kind.sums]
     sums = [Law(names) for size in range(1, MAX_TERMS + 1) for names in combinations(terms, size)]
-    laws = [*sums, *(Law((name,)) for name, kind in CATALOGUE.items() if not kind.sums)]
+    laws = [*sums, *(Law((*kind.beside, name)) for name, kind in CATALOGUE.items() if not kind.sums)]
     known = {frozenset(law.components) for law in laws}
     return [*laws, *(law for law in named if frozenset(law.components) not in known)]
 

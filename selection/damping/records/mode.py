@@ -99,13 +99,13 @@ class FixedTable(dict[str, Any]):
 class Mode:
     """One vibration mode as the simulation assumes it, checked like a mode file.
 
-    ``frequency`` is the undamped natural frequency in Hz (with ``slip``: of the stuck state), ``mass`` the generalized
-    mass. ``damping`` maps the name of each simulated damping force to its parameters (``coefficient``; ``exponent`` of
-    the two power laws; ``stiffness`` and ``limit`` of ``slip``), ``effects`` the name of each other effect to its
-    parameters. ``drive`` is ``force``, or ``base`` if the column ``force`` holds the acceleration of the base and
-    ``amplitude`` the motion relative to it; the mass then only scales the damping forces, and defaults to 1. ``source``
-    says where the mode is from. Tables may be given as in a mode file: mappings, and a bare number for the coefficient
-    of a force without other parameters.
+    ``frequency`` is the undamped natural frequency in Hz (with ``slip`` or ``dahl``: of the stuck state), ``mass`` the
+    generalized mass. ``damping`` maps the name of each simulated damping force to its parameters (``coefficient``;
+    ``exponent`` of the two power laws; ``stiffness`` and ``limit`` of ``slip`` and ``dahl``), ``effects`` the name of
+    each other effect to its parameters. ``drive`` is ``force``, or ``base`` if the column ``force`` holds the
+    acceleration of the base and ``amplitude`` the motion relative to it; the mass then only scales the damping forces,
+    and defaults to 1. ``source`` says where the mode is from. Tables may be given as in a mode file: mappings, and a
+    bare number for the coefficient of a force without other parameters.
 
     InputError: what :func:`read_mode` refuses.
     """
@@ -184,10 +184,10 @@ def _checked(top: TomlTable, name: str) -> dict[str, Any]:
     further = {name: _parameters(others.table(name), effects.CATALOGUE[name].shapes) for name in others.values}
     whole = mass * (RAD_S_PER_HZ * frequency) ** 2
     for written, read in ((damping, simulated), (others, further)):
-        lost = read.get("slip", {}).get("stiffness", 0.0)
-        if lost > ROUNDED * whole:
-            expected = f"at most {whole:.6g}, the stiffness of the mode, mass times (2 pi frequency)^2"
-            raise written.table("slip").error("stiffness", f"is {lost:g}", expected)
+        for name, lost in ((name, values.get("stiffness", 0.0)) for name, values in read.items()):
+            if lost > ROUNDED * whole:
+                expected = f"at most {whole:.6g}, the stiffness of the mode, mass times (2 pi frequency)^2"
+                raise written.table(name).error("stiffness", f"is {lost:g}", expected)
     return {
         "name": mode.text("name", default=name),
         "frequency": frequency,
