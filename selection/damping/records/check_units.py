@@ -224,10 +224,13 @@ def check_base_unit(view: View) -> Finding | None:
     return Finding("units", "caution", what, advice, view.record.sweeps)
 
 
+_OTHER_TIMES = ("ns", "us", "µs", "ms", "min", "minute", "minutes", "h", "hour", "hours")  #: named, and not seconds
+
+
 def check_time_unit(view: View) -> Finding | None:
-    """A unit of time that is not the second: frequencies are in Hz, so coefficients and masses are per second."""
+    """A unit of time other than the second, while frequencies are in Hz: coefficients and masses are per second."""
     text = view.mode.units.time if view.mode else ""
-    if text.lower() in ("", "s", "sec", "second", "seconds"):
+    if text.lower() not in _OTHER_TIMES:
         return None
     what = f"the mode file names {text} as the unit of time, while frequencies are in Hz"
     advice = 'coefficients are found in seconds: give time = "s", and the mass in the unit of force times s^2/length'
