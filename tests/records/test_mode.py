@@ -245,7 +245,7 @@ TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 
 def tables(effect):
     """Any table that an effect may have; parameters that have a default may be absent."""
-    fits = {s.name: POSITIVE if s.below > 1.0 else st.floats(min_value=1e-50, max_value=0.99) for s in effect.shapes}
+    fits = {s.name: st.floats(max(s.least, 1e-50), min(0.99 * s.below, 1e50)) for s in effect.shapes}
     fits |= {s.name: st.sampled_from([0.0, 1.0]) for s in effect.shapes if s.switch}
     needed = {s.name for s in effect.shapes if s.default is None}
     return st.fixed_dictionaries(
