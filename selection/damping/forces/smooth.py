@@ -60,25 +60,29 @@ def _lag(Z: Floats, r: FloatArray, travel: Floats) -> FloatArray:
 
 @cache
 def _tabulate() -> FloatArray:
-    """C, dC/d ln A, S, dS/d ln A and the third harmonic, over ln(A/A1) and ln(relief), (1801, 11, 6).
+    """The averages over ln(A/A1) and ln(relief), (1801, 11, 6): a relief at a time, as their loops take memory."""
+    return np.stack([_average(_gain(relief)) for relief in np.exp(_LN_RELIEF)], axis=1)
+
+
+def _average(r: FloatArray) -> FloatArray:
+    """C, dC/d ln A, S, dS/d ln A and the third harmonic, over ln(A/A1), (1801, 6), at a relief 1 + r.
 
     Of unit k A. All are divided by a/(1 + a)^2, S and its slope by a/(1 + a): so they tend to constants.
     """
-    a, r = np.exp(_LN_RATIO)[:, np.newaxis], _gain(np.exp(_LN_RELIEF))
+    a = np.exp(_LN_RATIO)
     Z = _stretch_at_turn(a, r)
     free = np.log1p(r * Z) / r
-    ends = [0.0 * Z, *(np.minimum(free + bend, 2.0 * a) for bend in (0.0, *_BENDS)), 2.0 * a + 0.0 * Z]
-    averages = np.zeros((4, *Z.shape))
+    ends = [0.0 * Z, *(np.minimum(free + bend, 2.0 * a) for bend in (0.0, *_BENDS)), 2.0 * a]
+    averages = np.zeros((4, len(a)))
     for start, end in pairwise(ends):
         first, last = (2.0 * np.arcsin(np.sqrt(travel / (2.0 * a))) - 0.5 * pi for travel in (start, end))
-        theta = first + 0.5 * (last - first) * (_GAUSS[0][:, np.newaxis, np.newaxis] + 1.0)
+        theta = first + 0.5 * (last - first) * (_GAUSS[0][:, np.newaxis] + 1.0)
         g = 1.0 + _lag(Z, r, 2.0 * a * np.sin(0.5 * theta + 0.25 * pi) ** 2) / a
         waves = np.stack([np.cos(theta), np.sin(theta), np.sin(3.0 * theta), np.cos(3.0 * theta)])
-        averages += (last - first) / pi * np.einsum("n,nar,knar->kar", _GAUSS[1], g, waves)
+        averages += (last - first) / pi * np.einsum("n,na,kna->ka", _GAUSS[1], g, waves)
     C, S = averages[:2]
     slopes = averages[:2] + np.gradient(averages[:2], _LN_RATIO, axis=1)
-    table = np.stack([C, slopes[0], S, slopes[1], *averages[2:]], axis=-1)
-    return table / _scale(np.exp(_LN_RATIO))[:, np.newaxis]
+    return np.stack([C, slopes[0], S, slopes[1], *averages[2:]], axis=-1) / _scale(a)
 
 
 def _scale(a: FloatArray) -> FloatArray:
