@@ -251,7 +251,14 @@ def tables(effect):
     return st.fixed_dictionaries(
         {name: fit for name, fit in fits.items() if name in needed},
         optional={name: fit for name, fit in fits.items() if name not in needed},
-    ).filter(lambda table: not any(table.get(s.name) and table.get(s.excludes) for s in effect.shapes))
+    ).filter(lambda table: all(is_alone_or_led(s, table) for s in effect.shapes))
+
+
+def is_alone_or_led(shape, table):
+    """Whether what the parameter excludes is absent, and what it needs is there."""
+    value = table.get(shape.name, shape.default)
+    led = not shape.needs or value == shape.default or table.get(shape.needs)
+    return led and not (value and table.get(shape.excludes))
 
 
 def build(frequency, mass, damping, **rest):
@@ -343,6 +350,9 @@ def test_anything_is_a_mode_or_bad_input(content, scratch):
 def test_a_switch_is_on_or_off(scratch):
     slip = "\n[effects.slip]\nstiffness = 1.0\nlimit = 0.1\nkappa = 1.0\nbounded = "
     assert read_mode(scratch(MODE + slip + "1\n", "mode.toml")).effects["slip"]["bounded"] == 1.0
+    for alone, by in (("bounded = 1", "kappa"), ("relief = 2", "smooth")):
+        with pytest.raises(InputError, match=rf"says nothing without {by}; expected {by} beside it"):
+            read_mode(scratch(MODE + slip.partition("kappa")[0] + alone + "\n", "mode.toml"))
     with pytest.raises(InputError, match=r"bounded: is 0\.5; expected 0 or 1"):
         read_mode(scratch(MODE + slip + "0.5\n", "mode.toml"))
 

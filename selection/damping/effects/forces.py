@@ -202,10 +202,10 @@ def _joint_form(shapes: tuple[FormVariable, ...], scales: Scales, switch: str = 
 
 
 _KAPPA = Shape("kappa", least=0.0, default=0.0, label="kappa (large: all joints slip at one limit)")
-_BOUNDED = Shape("bounded", default=0.0, switch=True, label="many joints, none with a larger limit")
+_BOUNDED = Shape("bounded", default=0.0, switch=True, needs="kappa", label="many joints, none with a larger limit")
 _SMOOTH = Shape("smooth", default=0.0, switch=True, excludes="kappa", label="yields gradually (Bouc and Wen)")
 _TURN = "stiffness after a turn over stuck one (2: Dahl)"
-_RELIEF = Shape("relief", least=LEAST_RELIEF, below=LARGEST_RELIEF, default=1.0, label=_TURN)
+_RELIEF = Shape("relief", least=LEAST_RELIEF, below=LARGEST_RELIEF, default=1.0, needs="smooth", label=_TURN)
 SLIP = Effect(
     name="slip",
     kind="force",

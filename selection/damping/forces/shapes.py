@@ -129,6 +129,7 @@ class Shape:
     label: str = ""  #: for people, such as ``slip limit``; the name where empty
     switch: bool = False  #: whether it is only 0 or 1
     excludes: str = ""  #: parameter that must be 0 or absent where this one is not 0
+    needs: str = ""  #: parameter without which this one means nothing, but for its default
 
     def prior_value(self, x: FloatArray, tested: Tested) -> FloatArray:
         """The parameter at standard normal ``x``. InputError: without a prior it cannot be free in a law."""

@@ -257,6 +257,8 @@ def _number(table: TomlTable, key: str, shape: Shape) -> float:
         raise table.error(key, f"is {number:g}", "0 or 1")
     if number and table.values.get(shape.excludes):
         raise table.error(key, f"stands beside {shape.excludes}", "one of the two")
+    if shape.needs and number != shape.default and not table.values.get(shape.needs):
+        raise table.error(key, f"is {number:g}, which says nothing without {shape.needs}", f"{shape.needs} beside it")
     return number
 
 
