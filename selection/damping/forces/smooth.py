@@ -172,9 +172,14 @@ class Dahl(SlippingForce):
     beside: ClassVar[tuple[str, ...]] = ("viscous",)
 
     @property
+    def _joint(self) -> SmoothSlip:
+        """The same joint as one of Bouc and Wen's law."""
+        return SmoothSlip(self.stiffness, self.limit, 2.0)
+
+    @property
     def joints(self) -> tuple[Joint, ...]:
         """One."""
-        return (SmoothJoint(self.stiffness, self.limit, 2.0),)
+        return self._joint.joints
 
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """C (see `grow`), dC/d ln A, S = k A1 (2 I_1(a)/cosh a - a) and dS/d ln A, a = A/A1."""
@@ -195,7 +200,5 @@ class Dahl(SlippingForce):
         return np.asarray(4.0 * self.stiffness * self.limit / pi)
 
     def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
-        """k (z - q) over the steady cycle: z = A1 (1 - (1 + tanh a) exp(-travel/A1)) from the lower turn up."""
-        a, way = A / self.limit, np.where(np.cos(theta) < 0.0, -1.0, 1.0)
-        z = way * (1.0 - (1.0 + np.tanh(a)) * np.exp(-a * (1.0 + way * np.sin(theta))))
-        return np.asarray(self.stiffness * self.limit * (z - a * np.sin(theta)) + zeros(omega))
+        """k (z - q) over the steady cycle, from either turn."""
+        return self._joint.cycle(theta, A, omega)
