@@ -116,9 +116,9 @@ def describe_turned(own: Forecast, forecasts: Sequence[Forecast], tested: Sequen
         return ""
     apart = dict[str, float]()
     for place, at, sign in ((0, first, -1.0), (len(tested) - 1, last, 1.0)):
-        foreseen = {one.sensor: one.band[0] for one in _foresee(own.shown[-1], own, forecasts, place)}
-        for one in at.response:
-            apart[one.sensor] = apart.get(one.sensor, 0.0) + sign * log(one.band[0] / foreseen[one.sensor])
+        foreseen = {peak.sensor: peak.band[0] for peak in _foresee(own.shown[-1], own, forecasts, place)}
+        for peak in at.response:
+            apart[peak.sensor] = apart.get(peak.sensor, 0.0) + sign * log(peak.band[0] / foreseen[peak.sensor])
     apart = {sensor: change - apart[largest.sensor] for sensor, change in apart.items()}
     most = max(apart, key=lambda sensor: abs(apart[sensor]))
     if abs(apart[most]) <= _TURNED:
