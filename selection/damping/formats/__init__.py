@@ -21,7 +21,7 @@ from damping.formats.cells import DECIMALS
 from damping.formats.columns import DELIMITERS, Layout, TextTable, find_roles, open_table
 from damping.formats.conversion import RESPONSES, SCALINGS
 from damping.formats.headers import ABSCISSAS, NAMES, ROLES
-from damping.formats.levels import LevelTable, split_levels, write_levels
+from damping.formats.levels import split_levels, write_levels
 from damping.formats.named import UNIT_OF, list_units, note_unheeded_units, require_linear, to_series
 from damping.formats.quantity import SYSTEMS
 from damping.formats.sampling import find_rows
@@ -81,7 +81,7 @@ def _list_series(path: str | Path, stated: Stated, summary: Summary, max_size: i
         data, kind = read_workbook(data, max_size, stated.datasets, stated.decimal), "csv"
         stated = replace(stated, delimiter="tab", decimal="point")
     table = open_table(data, stated.delimiter, stated.skip, stated.decimal)
-    tables: list[TextTable] = [*split_levels(table)] or [table]
+    tables = split_levels(table) or [table]
     return [series for level in tables for series in _list_table_series(level, path, kind, stated, summary)]
 
 
@@ -142,16 +142,16 @@ def _list_table_series(table: TextTable, path: str | Path, kind: str, stated: St
     if kind == "csv":
         texts = {role: header.text for role, header in headers.items()}
         is_time = "time" in texts and not {"frequency", "omega"} & set(texts)
-        require_response(texts, table.layout.names, stated, many=is_time)
+        require_response(texts, [header.text for header in table.headers], stated, many=is_time)
     scaling = next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "response" and h.scaling), None)
     force_scaling = next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "force" and h.scaling), None)
     silent = {"response": scaling is None, "force": force_scaling is None and scaling not in (None, "peak")}
     label, units = Path(path).stem, {role: header.unit for role, header in headers.items() if header.unit}
-    if isinstance(table, LevelTable):
-        label = table.label
+    if table.level is not None:
+        level, unit = table.level
+        label = f"{level:g} {unit}"
         if not {"force", "force_x"} & set(numbers):
-            level, units["force"] = table.level
-            numbers["force"] = np.full(len(next(iter(numbers.values()))), level)
+            units["force"], numbers["force"] = unit, np.full(len(next(iter(numbers.values()))), level)
             summary.note("caution: the level in the names of columns is taken as the drive in every row")
     note_unheeded_units(numbers, stated, summary)
     facts = FileFacts(

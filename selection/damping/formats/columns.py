@@ -135,6 +135,8 @@ class TextTable:
     line: int  #: of the header
     headers: tuple[ColumnHeader, ...]
     is_doubtful: bool  #: points may be marks between thousands
+    places: tuple[int, ...] = ()  #: of its columns in the file, if it has only some of them
+    level: tuple[float, str] | None = None  #: that these are of, with its unit
 
     def read(self, places: Mapping[str, int]) -> tuple[dict[str, FloatArray], tuple[str, ...] | None]:
         """Numbers (n,) of columns by role, and the text of the role ``sweep``; None if it has no place.
@@ -142,17 +144,17 @@ class TextTable:
         InputError: a ragged row, text in place of a number (an empty cell or NaN means no measurement, but is an error
         in a time history), or no rows.
         """
-        names, decimal = [header.text for header in self.headers], self.layout.decimal
-        _, _, rows = _read_header(self.data, self.layout, self.skip)
+        of_file = self.places or range(len(self.headers))
+        places, decimal = {role: of_file[place] for role, place in places.items()}, self.layout.decimal
+        _, names, rows = _read_header(self.data, self.layout, self.skip)
         values = {role: array("d") for role in places if role != "sweep"}
         gapless = set(values) - {"force"} if "time" in places and not {"frequency", "omega"} & set(places) else set()
         labels: list[str] | None = [] if "sweep" in places else None
         thousands = Thousands(is_possible=self.is_doubtful)
         for line, row in rows:
             if len(row) != len(names):
-                raise InputError(
-                    f"{count(len(row), 'cell')} in the row", line=line, expected=f"{len(names)} as in the header"
-                )
+                expected = f"{len(names)} as in the header"
+                raise InputError(f"{count(len(row), 'cell')} in the row", line=line, expected=expected)
             for role, column in values.items():
                 column.append(read_number(row[places[role]], decimal, line, names[places[role]]))
                 if role in gapless and not isfinite(column[-1]):

@@ -1,14 +1,13 @@
 """Levels side by side in a table: the columns of each level, such as ``0.5 g amp``, as a table of its own."""
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from math import prod
 from pathlib import Path
 
 import numpy as np
 
-from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.arrays import read_arrays
 from damping.formats.columns import TextTable
@@ -34,24 +33,6 @@ def find_level(text: str) -> tuple[float, str] | None:
     return (float(re.sub("[,p]", ".", match[1])), re.sub("m/s.*", "m/s^2", match[2])) if match else None
 
 
-@dataclass(frozen=True)
-class LevelTable(TextTable):
-    """The columns of one level, their headers without it, and those that all levels share."""
-
-    whole: TextTable
-    places: tuple[int, ...]  #: of its columns in the whole table
-    level: tuple[float, str]  #: with its unit
-
-    @property
-    def label(self) -> str:
-        """The level in words."""
-        return f"{self.level[0]:g} {self.level[1]}"
-
-    def read(self, places: Mapping[str, int]) -> tuple[dict[str, FloatArray], tuple[str, ...] | None]:
-        """As of the whole table."""
-        return self.whole.read({role: self.places[place] for role, place in places.items()})
-
-
 def write_levels(path: str | Path, kind: str, max_size: int) -> bytes | None:
     """Levels side by side in a file of arrays as a text table with tabs; None if the names of its arrays hold none.
 
@@ -72,9 +53,13 @@ def write_levels(path: str | Path, kind: str, max_size: int) -> bytes | None:
     return "".join("\t".join(row) + "\n" for row in rows).encode()
 
 
-def split_levels(table: TextTable) -> list[LevelTable]:
-    """A table for each level as of `find_levels`. InputError: as there."""
-    return [_take(table, columns, level) for level, columns in find_levels(table.headers, table.line).items()]
+def split_levels(table: TextTable) -> list[TextTable]:
+    """A table for each level as of `find_levels`, its headers without it. InputError: as there."""
+    by_level = find_levels(table.headers, table.line)
+    return [
+        replace(table, headers=tuple(of[k] for k in sorted(of)), places=tuple(sorted(of)), level=level)
+        for level, of in by_level.items()
+    ]
 
 
 def find_levels(
@@ -110,13 +95,6 @@ def find_levels(
         raise InputError(f"{beside} in the names of columns", line=line, expected=expected)
     _require_peak([header.text for header, _ in found.values()], line)
     return {level: shared | of for level, of in by_level.items()}
-
-
-def _take(table: TextTable, columns: Mapping[int, ColumnHeader], level: tuple[float, str]) -> LevelTable:
-    places = tuple(sorted(columns))
-    headers = tuple(columns[k] for k in places)
-    layout = replace(table.layout, names=tuple(header.text for header in headers))
-    return LevelTable(table.data, table.skip, layout, table.line, headers, table.is_doubtful, table, places, level)
 
 
 def _space(name: str) -> str:
