@@ -15,7 +15,7 @@ from damping.infer.law import Law
 from damping.infer.observations import Observations
 from damping.progress import single_threaded
 from damping.ranking import Candidate
-from damping.ranking.coefficients import INTERVAL
+from damping.ranking.candidates import INTERVAL
 from damping.records.text import format_share
 from damping.result import Summarised
 

@@ -16,7 +16,7 @@ import pytest
 from audit_cases import Bench, clean, measured, record_of, right_benches
 
 from damping.records import audit
-from damping.records.factors import UNIT_FACTORS
+from damping.records.check_units import UNIT_FACTORS
 from damping.records.mode import Mode, describe_mode_to_toml
 from damping_pipelines.store import write_text
 

@@ -23,12 +23,14 @@ from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.ranking.candidates import (
+    Coefficient,
     candidate_laws,
+    describe_tails,
     group_equivalents,
     held_out_errors,
     percent_errors,
+    tabulate_coefficients,
 )
-from damping.ranking.coefficients import Coefficient, describe_tails, tabulate_coefficients
 from damping.ranking.verdict import FitVerdict, judge_fit
 from damping.records.text import count
 

@@ -8,8 +8,7 @@ import pandas as pd
 
 from damping.arrays import BoolArray, FloatArray
 from damping.forces import component
-from damping.records.check_units import LEAST_RATIO, SMALL_RATIO
-from damping.records.factors import name_factor, name_unit
+from damping.records.check_units import LEAST_RATIO, SMALL_RATIO, name_factor, name_unit
 from damping.records.mode import Mode
 from damping.records.view import SURE, Finding, Leg, View, name_sweeps, take_median
 

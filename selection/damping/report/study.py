@@ -15,7 +15,7 @@ from damping.forces import CATALOGUE, component, shapes
 from damping.infer.chains import Settings
 from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, LENGTH, SLOPES
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD
-from damping.ranking.coefficients import INTERVAL
+from damping.ranking.candidates import INTERVAL
 from damping.report import forms, page, tables
 from damping.report.figures import leading, record_figures
 from damping.report.page import Block, Fold, Section, Table, write_blocks

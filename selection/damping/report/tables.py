@@ -15,7 +15,7 @@ from damping.extrapolation.curve import Curve
 from damping.extrapolation.prediction import Loads
 from damping.infer.law import Coordinates, Law
 from damping.ranking import Candidate
-from damping.ranking.coefficients import INTERVAL
+from damping.ranking.candidates import INTERVAL
 from damping.ranking.sharing import tabulate_rows
 from damping.records.mode import Units
 from damping.report import forms
