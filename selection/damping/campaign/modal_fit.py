@@ -126,17 +126,13 @@ def fit_level(
         noise = _estimate_noise(f, H, poles, noise)
     for cluster, rows in bands:
         rubbed = _fit_cluster(f[rows], H[:, rows], cluster, poles, noise, friction=True)
-        plain, with_it = (_measure_misfit(f[rows], H[:, rows], trial, noise) for trial in (poles, rubbed))
+        sd = evaluate_sd(H[:, rows], noise)
+        left = (solve_residues(trial.columns(f[rows]), H[:, rows], sd)[1] for trial in (poles, rubbed))
+        plain, with_it = (float(np.sum(np.abs(residual) ** 2)) for residual in left)
         poles = rubbed if plain - with_it > _FRICTION_PAYS else poles
     if poles.friction.any():
         noise = _estimate_noise(f, H, poles, noise)
     return _complete_fit(f, H, poles, noise)
-
-
-def _measure_misfit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArray) -> float:
-    """Sum of squared residuals over the noise."""
-    residual = solve_residues(poles.columns(f), H, evaluate_sd(H, noise))[1]
-    return float(np.sum(np.abs(residual) ** 2))
 
 
 def _width(f: FloatArray, H: ComplexArray, at: float) -> float:

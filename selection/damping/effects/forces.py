@@ -130,19 +130,16 @@ class ManyJoints(SlippingForce):
         return saturation * (lost - grown), saturation * grown, size * S, size * (S + turned)
 
     def third(self, A: Floats, omega: Floats) -> ComplexArray:
-        """The integral of their third harmonics."""
-        return np.asarray(np.sum(self._take_slipping(A, omega).third(A, omega), axis=0))
+        """The integral of their third harmonics: those of the slipping ones, along an axis before that of A."""
+        slipping, limit = self._find_slipping(A, omega)
+        joints = Slip(self.stiffness * (_WEIGHTS.reshape(-1, *[1] * (limit.ndim - 1)) * slipping), limit)
+        return np.asarray(np.sum(joints.third(A, omega), axis=0))
 
     @cached_property
     def joints(self) -> tuple[Joint, ...]:
         """One for each range of P."""
         ranges = [(0.5 * (start + end), end - start) for start, end in pairwise(_ENDS)]
         return tuple(Joint(self.stiffness * share, self._find_limit(P)) for P, share in ranges)
-
-    def _take_slipping(self, A: Floats, omega: Floats) -> Slip:
-        """Joints that represent those slipping at amplitudes A, along an axis before those of A and omega."""
-        slipping, limit = self._find_slipping(A, omega)
-        return Slip(self.stiffness * (_WEIGHTS.reshape(-1, *[1] * (limit.ndim - 1)) * slipping), limit)
 
     def _find_slipping(self, A: Floats, omega: Floats) -> tuple[Floats, FloatArray]:
         """The share of all joints that slips at amplitudes A, and limits of representative ones along a first axis."""

@@ -27,7 +27,11 @@ def dropout_forms(scales: Scales) -> tuple[Form, ...]:
     width = FormVariable.between(0.5 * scales.bandwidth, max(scales.reach, 4.0 * scales.bandwidth), (-1.0, 0.0, 1.0))
     centre = FormVariable(0.0, scales.bandwidth, starts=(0.0,), linear=True)
     dips = (*(_dip_form(notch, (width,)) for notch in NOTCHES), _dip_form("gaussian", (width, centre)))
-    return (*dips, _limit_form(scales))
+
+    def report(strength: Floats, width: Floats) -> dict[str, Floats]:
+        return {"depth": strength / (1.0 + strength), "width": width, "level": scales.A_high}
+
+    return (*dips, FORCE_DROPOUT.form(report, 0.2, shapes=(_LIMIT,), largest=20.0))
 
 
 def _dip_form(notch: str, shapes: tuple[FormVariable, ...]) -> Form:
@@ -37,13 +41,6 @@ def _dip_form(notch: str, shapes: tuple[FormVariable, ...]) -> Form:
         return {"depth": strength / (1.0 + strength), "width": width} | place | kind
 
     return FORCE_DROPOUT.form(report, 0.2, shapes=shapes, largest=20.0)
-
-
-def _limit_form(scales: Scales) -> Form:
-    def report(strength: Floats, width: Floats) -> dict[str, Floats]:
-        return {"depth": strength / (1.0 + strength), "width": width, "level": scales.A_high}
-
-    return FORCE_DROPOUT.form(report, 0.2, shapes=(_LIMIT,), largest=20.0)
 
 
 def limiting(depth: Floats, width: Floats, level: Floats) -> Instrument:

@@ -51,11 +51,11 @@ def list_states(scales: Scales) -> range:
 def lag_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: |lag|, at most 1 rad, of all phases or of those of one state of several."""
     every = PHASE_LAG.either_sign(lambda lag: {"lag": lag}, largest=1.0)
-    return (*every, *chain.from_iterable(_lag_side(state) for state in list_states(scales)))
-
-
-def _lag_side(state: int) -> tuple[Form, Form]:
-    return PHASE_LAG.either_sign(lambda lag: {"lag": lag, "state": float(state)}, f"of state {state}", largest=1.0)
+    sides = (
+        PHASE_LAG.either_sign(lambda lag, k=k: {"lag": lag, "state": float(k)}, f"of state {k}", largest=1.0)
+        for k in list_states(scales)
+    )
+    return (*every, *chain.from_iterable(sides))
 
 
 def simulate_lag(terms: Terms, table: Mapping[str, Floats]) -> Terms:

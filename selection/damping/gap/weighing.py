@@ -77,7 +77,8 @@ def weigh_hypotheses(ranked: Sequence[Hypothesis]) -> tuple[Explanation, ...]:
     """
     visible = dict[frozenset[str], list[Hypothesis]]()
     for hypothesis in ranked:
-        same = (key for key, (first, *_) in visible.items() if _adds_nothing(hypothesis, first))
+        contained = ((key, first) for key, (first, *_) in visible.items() if set() < first.key < hypothesis.key)
+        same = (key for key, first in contained if distance(first.best, hypothesis.best) < INDISTINCT)
         visible.setdefault(next(same, hypothesis.key), []).append(hypothesis)
     probabilities = softmax([logsumexp([member.log_posterior for member in group]) for group in visible.values()])
     weighed = [
@@ -90,11 +91,6 @@ def weigh_hypotheses(ranked: Sequence[Hypothesis]) -> tuple[Explanation, ...]:
 def order_by_probability(explanations: Sequence[Explanation]) -> tuple[Explanation, ...]:
     """The most probable first; equally probable ones stay in their order."""
     return tuple(sorted(explanations, key=lambda explanation: -explanation.probability))
-
-
-def _adds_nothing(further: Hypothesis, simpler: Hypothesis) -> bool:
-    """Whether further effects beside those of a simpler explanation change its prediction by no more than chance."""
-    return set() < simpler.key < further.key and distance(simpler.best, further.best) < INDISTINCT
 
 
 def count_beyond(hypotheses: Sequence[Explanation], *further: PhasorRows) -> int:
