@@ -17,10 +17,10 @@ import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
 from damping.errors import AnalysisError
-from damping.records.between import ERROR_OF_RISE
 from damping.records.record import Record, energy_per_cycle
 from damping.records.resonance import number_levels, tabulate_resonances
 from damping.records.rows import SweepRows, read_sweep_rows
+from damping.records.runs import ERROR_OF_RISE
 
 #: Most rows and sweeps of a record, so that laws are fitted in minutes, not hours.
 MOST_ROWS = 20_000

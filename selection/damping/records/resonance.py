@@ -15,9 +15,8 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, IntArray
-from damping.records.between import POWER_TURNS, estimate_power, find_between
 from damping.records.record import Record
-from damping.records.runs import order_rows
+from damping.records.runs import POWER_TURNS, estimate_power, find_between, order_rows
 
 #: Fewest rows between the half-power points (|cot phase| <= 1) for a fit instead of interpolation.
 ROWS_FOR_FIT = 5
