@@ -411,6 +411,7 @@ def test_the_verdict_is_that_of_the_law_that_leads_once_others_are_left_out(swep
     every = observe(Record(table))
     plan = plan_loads(near_resonance(Record(table)), laws, estimate=brief_evidence)
     assert (plan.laws[0].law, plan.fit.verdict) == (laws[0], "poor")
+    assert plan.fit.sentence.endswith("; viscous + velocity-squared, of less weight, fits")
     judged = judge_rows(plan, every)
     assert [own.law for own in judged.laws] == laws[1:]
     assert judged.fit.verdict == "fits"

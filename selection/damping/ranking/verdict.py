@@ -69,6 +69,7 @@ class FitVerdict:
     #: scatter from row to row over the stated noise, if the law fits and it exceeds ``UNDERSTATED``; else 0
     rough: float = 0.0
     law: str = ""  #: name of the leading law
+    other: str = ""  #: where the verdict is ``poor``, name of the first law after it that fits
 
     @property
     def sentence(self) -> str:
@@ -77,7 +78,7 @@ class FitVerdict:
         none, poorly = MISFITS
         verdicts = {
             "fits": "",
-            "poor": f"the leading law, {self.law}, {poorly}: it {by}; a law of less weight fits",
+            "poor": f"the leading law, {self.law}, {poorly}: it {by}; {self.other}, of less weight, fits",
             "none fits": f"{none}: the leading law, {self.law}, {by}",
         }
         rough = f"rows scatter along the sweeps by {self.rough:.2g} times the stated noise: check that noise"
@@ -88,14 +89,15 @@ def judge_fit(leader: BestFit, others: Iterable[BestFit], data: Observations, se
     """The verdict on the leading law; the others are tested where it does not fit."""
     others, p = list(others), fit_probability(leader, data, seed)
     verdict: Verdict = "fits"
+    other = ""
     if p < UNLIKELY:
-        another = any(fit_probability(fit, data, seed) >= UNLIKELY for fit in others)
-        verdict = "poor" if another else "none fits"
+        other = next((fit.law.name for fit in others if fit_probability(fit, data, seed) >= UNLIKELY), "")
+        verdict = "poor" if other else "none fits"
     misfit = 100.0 * float(np.sqrt(np.mean(leader.n**2)))
     levels = _describe_levels_apart(leader, data) or _describe_hidden_offset(leader, others, data)
     apart = [levels, _describe_peak(data) if verdict == "none fits" else ""]
     rough = _compare_with_stated(leader, data) if verdict == "fits" else 0.0
-    return FitVerdict(verdict, p, misfit, "; ".join(filter(None, apart)), rough, leader.law.name)
+    return FitVerdict(verdict, p, misfit, "; ".join(filter(None, apart)), rough, leader.law.name, other)
 
 
 def fit_probability(fit: BestFit, data: Observations, seed: int = 0) -> float:
