@@ -15,7 +15,7 @@ from scipy.special import expit
 from damping.effects import CATALOGUE
 from damping.effects.rig import recorded_third
 from damping.gap.corrected import (
-    describe_frequency,
+    describe_rig,
     describe_shortfall,
     describe_spring,
     effect_intervals,
@@ -504,6 +504,11 @@ def test_cross_talk_in_proportion_to_the_force_is_a_background_at_any_angle(lab)
     assert abs(c - 0.5 * (low + high)) < high - low
 
 
+def test_cross_talk_in_phase_is_told_beside_the_residual_modes_it_imitates(lab):
+    (caution,) = (text for text in lab.diagnosed("residual-modes").cautions if "cross-talk" in text)
+    assert "driven but detached" in caution
+
+
 @pytest.mark.parametrize("carried", [0.012, -0.012])
 def test_what_loads_the_structure_in_the_test_alone_is_told_beside_a_wrong_frequency(lab, carried):
     """In closed form: the structure carries 1.2 % of its mass more, or a spring holds it that undoes as much."""
@@ -516,7 +521,7 @@ def test_what_loads_the_structure_in_the_test_alone_is_told_beside_a_wrong_frequ
     fit = found.leading.best
     rows = replace(fit.model.problem.rows, added=np.ones(len(fit.model.problem.rows)))
     problem = replace(fit.model.problem, rows=rows)  # masses separate the two
-    assert describe_frequency(replace(fit, model=replace(fit.model, problem=problem))) == []
+    assert describe_rig(replace(fit, model=replace(fit.model, problem=problem))) == []
 
 
 def test_a_clock_that_drifts_is_told_beside_the_drift_it_imitates(lab):
@@ -526,4 +531,4 @@ def test_a_clock_that_drifts_is_told_beside_the_drift_it_imitates(lab):
     found = diagnose(lab.record(rows, lab.linear(true), 4), lab.mode())
     assert found.leading.effects == ("drift",)
     assert any("a clock or frequency readout that drifts" in caution for caution in found.cautions)
-    assert describe_frequency(lab.diagnosed("slip").leading.best) == []
+    assert describe_rig(lab.diagnosed("slip").leading.best) == []

@@ -131,8 +131,11 @@ def describe_gain(fit: ModelFit) -> list[str]:
     ]
 
 
-def describe_frequency(fit: ModelFit) -> list[str]:
-    """Cautions: a frequency that is off by r, or drifts, may be that of the clock or of a structure loaded by the rig.
+def describe_rig(fit: ModelFit) -> list[str]:
+    """Cautions: faults of the rig that look like the structure.
+
+    Cross-talk in phase with the force, or against it, is a compliance, as of modes far away. A frequency that drifts,
+    or is off by r, may be that of the clock, or of a structure that the rig loads:
 
     M ((1 + r)^2 omega_n^2 - omega^2) is that of a frequency omega recorded as omega (1 + r); also, within the tolerance
     of M, that of a further mass M ((1 + r)^-2 - 1) if r < 0, else of a further spring K ((1 + r)^2 - 1). Neither is
@@ -143,6 +146,11 @@ def describe_frequency(fit: ModelFit) -> list[str]:
         cautions.append(
             "a clock or frequency readout that drifts as much has the same effect as this drift of the frequency: "
             "check it before the structure is blamed"
+        )
+    if "residual-modes" in values:
+        cautions.append(
+            "cross-talk in proportion to the force, in phase with it or against it, looks like these residual modes: "
+            "readings while the shaker is driven but detached separate the two"
         )
     relative = values.get("natural-frequency", {}).get("relative", 0.0)
     if relative and problem.simulation.simulator is None and not np.any(problem.rows.added):

@@ -15,8 +15,8 @@ from damping.forces import Viscous
 from damping.gap import readings, size, weighing
 from damping.gap.corrected import (
     corrected_mode,
-    describe_frequency,
     describe_gain,
+    describe_rig,
     describe_shortfall,
     describe_spring,
     list_ends,
@@ -241,7 +241,7 @@ def diagnose(
         *chain.from_iterable(readings.describe_rounding(own) for own in (record, *(state for state, _ in states))),
         *list_ends(leading.best),
         *describe_gain(leading.best),
-        *describe_frequency(leading.best),
+        *describe_rig(leading.best),
         *describe_shortfall(leading.best),
         *describe_spring(leading.best),
         *size.describe_held_out(leading, gap, held_out),
