@@ -50,7 +50,7 @@ EFFECTS = {
     "time-delay": {"delay": 0.01},
     "level-offset": {"factor": 1.1, "sweep": 1.0},
     "sensor-saturation": {"level": 0.5},
-    "background": {"amplitude": 0.01, "angle": 1.0},
+    "background": {"amplitude": 0.01, "angle": 1.0, "force": 5.0},
     "sweep-rate": {"rate": 0.02},
     "force-dropout": {"depth": 0.3, "width": 0.01, "lorentzian": 1.0},
 }

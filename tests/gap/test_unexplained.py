@@ -14,7 +14,13 @@ from scipy.special import expit
 
 from damping.effects import CATALOGUE
 from damping.effects.rig import recorded_third
-from damping.gap.corrected import describe_shortfall, describe_spring
+from damping.gap.corrected import (
+    describe_rig,
+    describe_shortfall,
+    describe_spring,
+    effect_intervals,
+    effect_values,
+)
 from damping.gap.diagnose import diagnose, explain
 from damping.gap.outside import describe_outside
 from damping.gap.rows import UNSEEN, read_rows
@@ -481,3 +487,48 @@ def test_a_mass_beyond_its_tolerance_is_told_where_mass_was_added(lab):
     assert any("a generalized mass that differs by more than its tolerance" in caution for caution in found.cautions)
     alone = explain(Record(tables[0]), lab.mode(None, None))
     assert alone.leading.effects == ("amplitude-scale",)
+
+
+def test_cross_talk_in_proportion_to_the_force_is_a_background_at_any_angle(lab):
+    """In closed form: F/Z + c F exp(-i angle), of 15 % of the resonance per force, neither in phase nor against it."""
+    rows, c, angle = lab.bench().rows, 0.15 / (lab.viscous * lab.omega), 1.2
+    Z = lab.mass * (lab.omega**2 - rows.omega**2) + 1j * lab.viscous * rows.omega
+    read = rows.force * (1.0 / Z + c * np.exp(-1j * angle))
+    found = diagnose(lab.record(rows, lab.cells(np.abs(read), -np.angle(read)), 4), lab.mode())
+    assert found.leading.effects == ("background",)
+    values, intervals = effect_values(found.leading.best)["background"], effect_intervals(found.leading.best)
+    # the interval holds 90 %; twice its width about its middle all but a few in a thousand
+    low, high = intervals["background"]["angle"]
+    assert abs(angle - 0.5 * (low + high)) < high - low
+    low, high = np.divide(intervals["background"]["amplitude"], values["force"])
+    assert abs(c - 0.5 * (low + high)) < high - low
+
+
+def test_cross_talk_in_phase_is_told_beside_the_residual_modes_it_imitates(lab):
+    (caution,) = (text for text in lab.diagnosed("residual-modes").cautions if "cross-talk" in text)
+    assert "driven but detached" in caution
+
+
+@pytest.mark.parametrize("carried", [0.012, -0.012])
+def test_what_loads_the_structure_in_the_test_alone_is_told_beside_a_wrong_frequency(lab, carried):
+    """In closed form: the structure carries 1.2 % of its mass more, or a spring holds it that undoes as much."""
+    rows = lab.bench().rows
+    cells = lab.linear(rows, omega=lab.omega / np.sqrt(1.0 + carried))
+    found = diagnose(lab.record(rows, cells, 4), lab.mode())
+    assert found.leading.effects == ("natural-frequency",)
+    (caution,) = (text for text in found.cautions if "loads the structure" in text)
+    assert f"a {'mass' if carried > 0.0 else 'spring'} of 1.2 % of the mode's" in caution
+    fit = found.leading.best
+    rows = replace(fit.model.problem.rows, added=np.ones(len(fit.model.problem.rows)))
+    problem = replace(fit.model.problem, rows=rows)  # masses separate the two
+    assert describe_rig(replace(fit, model=replace(fit.model, problem=problem))) == []
+
+
+def test_a_clock_that_drifts_is_told_beside_the_drift_it_imitates(lab):
+    """In closed form: recorded frequencies are true in the middle of the record, half a bandwidth off at the ends."""
+    rows = lab.bench().rows
+    true = replace(rows, omega=rows.omega * (1.0 - lab.xi * np.linspace(-0.5, 0.5, rows.omega.size)))
+    found = diagnose(lab.record(rows, lab.linear(true), 4), lab.mode())
+    assert found.leading.effects == ("drift",)
+    assert any("a clock or frequency readout that drifts" in caution for caution in found.cautions)
+    assert describe_rig(lab.diagnosed("slip").leading.best) == []

@@ -10,7 +10,7 @@ from damping.arrays import ComplexArray, FloatArray, Floats, differs
 from damping.effects.contract import Drive, Effect, Form, FormVariable, Instrument, Reading, Scales, Terms, add_parts
 from damping.effects.structure import spread_distance
 from damping.effects.terms import third_harmonic
-from damping.forces.shapes import LENGTH, TIME, Shape
+from damping.forces.shapes import FORCE, LENGTH, TIME, Shape
 
 _DELAY = 0.25  #: prior odds of a delay against a phase lag, nearly equal in the narrow band of one mode: 1 to 4
 #: ln(amplitude over the clipping level) ...
@@ -189,26 +189,38 @@ SENSOR_SATURATION = Effect(
 )
 
 
+#: Angle of a signal in proportion to the force, on either side of it. In phase, or against it, it is a residual mode,
+#: and of 6 generated ones an angle as free as that of a constant signal takes a fifth of the probability.
+_ACROSS = tuple(FormVariable(side * 0.5 * np.pi, 0.5, starts=(-1.0, 0.0, 1.0), linear=True) for side in (-1.0, 1.0))
+
+
 def background_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: the signal over the largest reading. Shape: its angle."""
-    angle = FormVariable(0.0, 1.8, starts=(-1.4, -0.6, 0.0, 0.6, 1.4), linear=True)
+    """Strength: the signal over the largest reading, constant or in proportion to the force. Shape: its angle."""
+    free = FormVariable(0.0, 1.8, starts=(-1.4, -0.6, 0.0, 0.6, 1.4), linear=True)
 
-    def report(size: Floats, angle: Floats) -> dict[str, Floats]:
-        return {"amplitude": size * scales.A_high, "angle": angle}
+    def form(angle: FormVariable, **force: float) -> Form:
+        def report(size: Floats, angle: Floats) -> dict[str, Floats]:
+            return {"amplitude": size * scales.A_high, "angle": angle} | force
 
-    return (BACKGROUND.form(report, 0.05, shapes=(angle,), largest=1.0),)
+        return BACKGROUND.form(report, 0.05, shapes=(angle,), largest=1.0)
+
+    return form(free), *(form(angle, force=scales.loss * scales.A_high) for angle in _ACROSS)
 
 
 BACKGROUND = Effect(
     name="background",
     kind="instrument",
-    sentence="a constant signal is added to the reading",
+    sentence="a signal, constant or in proportion to the force, is added to the reading (cross-talk)",
     forms=background_forms,
-    # lags the force by ``angle``
+    # lags the force by ``angle``; where a ``force`` is given, ``amplitude`` is that at this force, else at any
     simulate=lambda terms, table: terms.plus(
-        compliance=lambda drive: table["amplitude"] * np.exp(-1j * np.asarray(table["angle"])) / drive.F
+        compliance=lambda drive: (
+            table["amplitude"]
+            * np.exp(-1j * np.asarray(table["angle"]))
+            / (table["force"] if differs(table["force"], 0.0) else drive.F)
+        )
     ),
-    shapes=(Shape("amplitude", LENGTH, least=0.0), Shape("angle")),
+    shapes=(Shape("amplitude", LENGTH, least=0.0), Shape("angle"), Shape("force", FORCE, least=0.0, default=0.0)),
     need="sweep",
 )
 
@@ -264,7 +276,7 @@ def simulate_mount(terms: Terms, table: Mapping[str, Floats]) -> Terms:
 SENSOR_MOUNT = Effect(
     name="sensor-mount",
     kind="instrument",
-    sentence="a sensor whose mount or circuit resonates near the mode",
+    sentence="a sensor or shaker whose mount or circuit resonates near the mode",
     forms=mount_forms,
     simulate=simulate_mount,
     need="sweep",

@@ -239,7 +239,7 @@ def simulate_partner(terms: Terms, table: Mapping[str, Floats]) -> Terms:
 PARTNER = Effect(
     name="partner",
     kind="structure",
-    sentence="a coupled part with its own resonance (an absorber, a tank, a circuit)",
+    sentence="a coupled part with its own resonance (an absorber, a tank, a circuit, a stinger)",
     forms=partner_forms,
     simulate=simulate_partner,
     need="sweep",

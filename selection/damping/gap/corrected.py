@@ -131,6 +131,40 @@ def describe_gain(fit: ModelFit) -> list[str]:
     ]
 
 
+def describe_rig(fit: ModelFit) -> list[str]:
+    """Cautions: faults of the rig that look like the structure.
+
+    Cross-talk in phase with the force, or against it, is a compliance, as of modes far away. A frequency that drifts,
+    or is off by r, may be that of the clock, or of a structure that the rig loads:
+
+    M ((1 + r)^2 omega_n^2 - omega^2) is that of a frequency omega recorded as omega (1 + r); also, within the tolerance
+    of M, that of a further mass M ((1 + r)^-2 - 1) if r < 0, else of a further spring K ((1 + r)^2 - 1). Neither is
+    told where masses were added, which separate them, or where a user's function is the simulation.
+    """
+    problem, values, cautions = fit.model.problem, effect_values(fit), list[str]()
+    if any(key.startswith("frequency") for key in values.get("drift", ())):
+        cautions.append(
+            "a clock or frequency readout that drifts as much has the same effect as this drift of the frequency: "
+            "check it before the structure is blamed"
+        )
+    if "residual-modes" in values:
+        cautions.append(
+            "cross-talk in proportion to the force, in phase with it or against it, looks like these residual modes: "
+            "readings while the shaker is driven but detached separate the two"
+        )
+    relative = values.get("natural-frequency", {}).get("relative", 0.0)
+    if relative and problem.simulation.simulator is None and not np.any(problem.rows.added):
+        mass, spring = (1.0 + relative) ** -2 - 1.0, (1.0 + relative) ** 2 - 1.0
+        light = f"a mass of {100.0 * mass:.2g} % of the mode's (force cell, sensor, stinger, armature)"
+        stiff = f"a spring of {100.0 * spring:.2g} % of the mode's stiffness (suspension, stinger, cable)"
+        cautions.append(
+            f"{light if relative < 0.0 else stiff} that loads the structure in this test alone, or a frequency readout "
+            f"that is off by {100.0 * relative:+.2g} %, has the same effect as this natural frequency: check both "
+            "before the simulation is changed"
+        )
+    return cautions
+
+
 def describe_shortfall(fit: ModelFit) -> list[str]:
     """Caution: saturated readings g F/|Z| of a linear mode read as a force g F. None where the force was measured."""
     if "sensor-saturation" not in fit.effects or fit.model.problem.simulation.mode.rig.force == "measured":
