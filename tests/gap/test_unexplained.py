@@ -14,13 +14,8 @@ from scipy.special import expit
 
 from damping.effects import CATALOGUE
 from damping.effects.rig import recorded_third
-from damping.gap.corrected import (
-    describe_rig,
-    describe_shortfall,
-    describe_spring,
-    effect_intervals,
-    effect_values,
-)
+from damping.gap.ambiguities import describe_rig, describe_shortfall, describe_spring
+from damping.gap.corrected import effect_intervals, effect_values
 from damping.gap.diagnose import diagnose, explain
 from damping.gap.outside import describe_outside
 from damping.gap.rows import UNSEEN, read_rows

@@ -13,14 +13,8 @@ from damping.effects import CATALOGUE
 from damping.errors import AnalysisError
 from damping.forces import Viscous
 from damping.gap import readings, size, weighing
-from damping.gap.corrected import (
-    corrected_mode,
-    describe_gain,
-    describe_rig,
-    describe_shortfall,
-    describe_spring,
-    list_ends,
-)
+from damping.gap.ambiguities import list_ambiguities
+from damping.gap.corrected import corrected_mode, list_ends
 from damping.gap.directed import Test, directed_tests, unexplained
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.next_test import NextTest, name_command, rank_tests
@@ -240,10 +234,7 @@ def diagnose(
         *readings.describe_noise(known, leading.best, explained.understated),
         *chain.from_iterable(readings.describe_rounding(own) for own in (record, *(state for state, _ in states))),
         *list_ends(leading.best),
-        *describe_gain(leading.best),
-        *describe_rig(leading.best),
-        *describe_shortfall(leading.best),
-        *describe_spring(leading.best),
+        *list_ambiguities(leading.best),
         *size.describe_held_out(leading, gap, held_out),
     ]
     local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), explained.mode)

@@ -1,0 +1,90 @@
+"""Other causes that have the same effect as the ones of an explanation, as cautions."""
+
+import numpy as np
+
+from damping.gap.corrected import effect_values, refitted_values
+from damping.gap.fit import ModelFit
+
+
+def list_ambiguities(fit: ModelFit) -> list[str]:
+    """Every caution of this module about a fit."""
+    return [*describe_gain(fit), *describe_rig(fit), *describe_shortfall(fit), *describe_spring(fit)]
+
+
+def describe_gain(fit: ModelFit) -> list[str]:
+    """Caution: a gain g of the sensor reads as a wrong mass, g F/|Z(M)| = F/|Z(M/g)| where Z is proportional to M.
+
+    None where masses were added, which break the proportion, or where a user's function is the simulation.
+    """
+    simulation, gain = fit.model.problem.simulation, effect_values(fit).get("amplitude-scale")
+    if gain is None or simulation.simulator is not None or np.any(fit.model.problem.rows.added):
+        return []
+    stated, tolerance, units = simulation.mode.mass, simulation.mode.tolerance.mass, simulation.mode.units
+    ratio = (1.0 + refitted_values(fit)["mass"]) / gain["factor"]
+    unit = f" {units.force}·{units.time}²/{units.length}" if all(vars(units).values()) else ""
+    times = f", {abs(np.log(ratio)) / tolerance:.2g} times its stated tolerance of {100.0 * tolerance:g} %"
+    return [
+        f"a generalized mass of {stated * ratio:.4g}{unit} in place of {stated:.4g} ({100.0 * (ratio - 1.0):+.2g} %"
+        f"{times if tolerance else ''}), with stiffness and damping in the same ratio, has the same effect as this "
+        "gain on every steady sweep. A known added mass, or a calibrated shaker and sensor, separates the two"
+    ]
+
+
+def describe_rig(fit: ModelFit) -> list[str]:
+    """Cautions: faults of the rig that look like the structure.
+
+    Cross-talk in phase with the force, or against it, is a compliance, as of modes far away. A frequency that drifts,
+    or is off by r, may be that of the clock, or of a structure that the rig loads:
+
+    M ((1 + r)^2 omega_n^2 - omega^2) is that of a frequency omega recorded as omega (1 + r); also, within the tolerance
+    of M, that of a further mass M ((1 + r)^-2 - 1) if r < 0, else of a further spring K ((1 + r)^2 - 1). Neither is
+    told where masses were added, which separate them, or where a user's function is the simulation.
+    """
+    problem, values, cautions = fit.model.problem, effect_values(fit), list[str]()
+    if any(key.startswith("frequency") for key in values.get("drift", ())):
+        cautions.append(
+            "a clock or frequency readout that drifts as much has the same effect as this drift of the frequency: "
+            "check it before the structure is blamed"
+        )
+    if "residual-modes" in values:
+        cautions.append(
+            "cross-talk in proportion to the force, in phase with it or against it, looks like these residual modes: "
+            "readings while the shaker is driven but detached separate the two"
+        )
+    relative = values.get("natural-frequency", {}).get("relative", 0.0)
+    if relative and problem.simulation.simulator is None and not np.any(problem.rows.added):
+        mass, spring = (1.0 + relative) ** -2 - 1.0, (1.0 + relative) ** 2 - 1.0
+        light = f"a mass of {100.0 * mass:.2g} % of the mode's (force cell, sensor, stinger, armature)"
+        stiff = f"a spring of {100.0 * spring:.2g} % of the mode's stiffness (suspension, stinger, cable)"
+        cautions.append(
+            f"{light if relative < 0.0 else stiff} that loads the structure in this test alone, or a frequency readout "
+            f"that is off by {100.0 * relative:+.2g} %, has the same effect as this natural frequency: check both "
+            "before the simulation is changed"
+        )
+    return cautions
+
+
+def describe_shortfall(fit: ModelFit) -> list[str]:
+    """Caution: saturated readings g F/|Z| of a linear mode read as a force g F. None where the force was measured."""
+    if "sensor-saturation" not in fit.effects or fit.model.problem.simulation.mode.rig.force == "measured":
+        return []
+    return [
+        "in a linear structure, a force that falls below the recorded one at large motion (a shaker at its limit) has "
+        "the same effect as this saturation; a measured force separates the two"
+    ]
+
+
+def describe_spring(fit: ModelFit) -> list[str]:
+    """Caution: what moves the resonance as the mean square of the motion does has a spring's first harmonics.
+
+    With a = A^2/2, K + s a - M omega^2 differs from a cubic spring by a factor on s; M omega^2 (1 - s a), of a varying
+    mass or of a true frequency omega (1 - s a/2) that is recorded as omega, by the width of the resonance too. None
+    with third harmonics, which only the spring has in full.
+    """
+    springs = {"stiffness-hardening", "stiffness-softening"}
+    if springs.isdisjoint(fit.effects) or "third" in fit.model.problem.rows.channels:
+        return []
+    return [
+        "a stiffness or mass that follows the mean square of the motion, or a drive whose frequency departs from the "
+        "recorded one as the motion grows, has the first harmonics of this spring; third harmonics separate them"
+    ]
