@@ -103,6 +103,24 @@ def test_the_mildest_test_that_settles_the_case_comes_first(lab):
     assert all(test.probability >= COVER for test in pair.next_tests[: len(settle)])
 
 
+def test_what_is_unexplained_is_so_after_any_test(lab):
+    """By the rule of answers no measurement then counts beyond first harmonics, so that no test settles the case."""
+    found = lab.diagnosed("velocity-squared")
+    pair = replace(found, explanations=found.explanations[:2], hypotheses=found.explanations[:2])
+    assert pair.next_test is not None
+    doubted = replace(pair, unexplained=True)
+    first, second = (own.hypothesis.log_posterior for own in pair.explanations)
+    assert any(test.is_beyond for test in doubted.next_tests)
+    for test in doubted.next_tests:
+        D = test.expected_log_odds
+        odds = first - second + D - 2.0 * np.sqrt(2.0 * D)
+        known = found.in_library
+        wanted = known * expit(odds) + (1.0 - known) * min(expit(odds / 5.0), 0.65)
+        np.testing.assert_allclose(test.probability, wanted, rtol=1e-9, atol=0.0)  # rounding
+    assert doubted.next_test is None
+    assert replace(doubted, understated=SimpleNamespace()).next_test == pair.next_test  # nothing but the noise is wrong
+
+
 def test_two_runs_are_proposed_where_none_settles_the_case_alone(lab):
     """What two runs tell of a rival is at least what either does: each is a part of the same Gaussian vector."""
     found = lab.diagnosed("velocity-squared")

@@ -112,6 +112,7 @@ class Diagnosis(Explained):
             unit=self.unit,
             columns=self.record.frame.columns,
             imitations=self.imitations,
+            unexplained=self.unexplained and self.understated is None,
         )
 
     @property

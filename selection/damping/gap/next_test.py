@@ -121,6 +121,8 @@ def rank_tests(
     unit: float = 1.0,
     columns: Collection[str] = ("phase",),
     imitations: Sequence[Hypothesis] = (),
+    *,
+    unexplained: bool = False,
 ) -> tuple[NextTest, ...]:
     """Every test worth its time: those that settle the case, the mildest first, then the others, the surest first.
 
@@ -136,6 +138,8 @@ def rank_tests(
         columns: of the record; further rows fill some of them too.
         imitations: explanations by causes outside the library that the record does not exclude; further measurements
             count once a test excludes them.
+        unexplained: whether the leading explanation leaves more than noise. As in an answer, no measurement then counts
+            beyond first harmonics of one state: a test leaves the rest as unexplained as it is.
     """
     leading, rivals = listed[0].hypothesis.best, listed[1 : 1 + MOST_RIVALS]
     if not (blames := bool(listed[0].effects)):
@@ -147,7 +151,7 @@ def rank_tests(
     filled = (*_SWEEP, *(name for name in _KEPT if name in columns))
 
     def foresee(*runs: _Run) -> NextTest:
-        odds, probability = _foresee(runs, len(rivals), every, in_library, imitations)
+        odds, probability = _foresee(runs, len(rivals), every, in_library, imitations, unexplained=unexplained)
         return _describe_test(runs, odds, probability, filled, unit, command)
 
     def foresee_pairs(first: _Run) -> list[NextTest]:
@@ -166,7 +170,8 @@ def rank_tests(
         most = [max(_odds([run.missed[at]], rival.hypothesis.best) for run in runs) for at, rival in enumerate(rivals)]
         excludable = [rival for rival, odds in zip(rivals, most, strict=True) if odds > WORTH]
         if 0 < len(excludable) < len(rivals):
-            return rank_tests([listed[0], *excludable], fitted, in_library, command, unit, columns, imitations)
+            fewer = [listed[0], *excludable]
+            return rank_tests(fewer, fitted, in_library, command, unit, columns, imitations, unexplained=unexplained)
         first = max(runs, key=lambda run: _odds([run.missed[0]], rivals[0].hypothesis.best))
         worth = [pair for pair in foresee_pairs(first) if is_worth(pair)] if excludable else []
     elif max(test.probability for test in worth) < COVER:
@@ -195,7 +200,13 @@ def _resonates(terms: Terms, rows: PhasorRows) -> bool:
 
 
 def _foresee(
-    runs: Sequence[_Run], rivals: int, every: Sequence[Explanation], in_library: float, imitations: Sequence[Hypothesis]
+    runs: Sequence[_Run],
+    rivals: int,
+    every: Sequence[Explanation],
+    in_library: float,
+    imitations: Sequence[Hypothesis],
+    *,
+    unexplained: bool,
 ) -> tuple[float, float]:
     """Expected log odds of all runs together, and the probability of the first explanation after them.
 
@@ -212,8 +223,8 @@ def _foresee(
     listed, first = every[: 1 + rivals], every[0].hypothesis
     behind = [first.log_posterior - imitation.log_posterior for imitation in imitations]
     excluded = bool(np.all(behind + surely[among:] > EXCLUDED))
-    now = 0 if imitations else count_beyond(listed)
-    beyond = count_beyond(listed, *(run.seen for run in runs)) if excluded else 0
+    now = 0 if imitations or unexplained else count_beyond(listed)
+    beyond = count_beyond(listed, *(run.seen for run in runs)) if excluded and not unexplained else 0
     expected = -float(logsumexp(-odds[:rivals], b=p / p.sum()))
     return expected, foresee_probability(every, gained, in_library, now, beyond)
 
