@@ -78,6 +78,7 @@ def list_commands(folder: Path) -> list[Command]:
 def measure() -> list[Row]:
     """Every command."""
     rows = []
+    _compile(ROOT)
     with tempfile.TemporaryDirectory() as folder:
         for command in list_commands(Path(folder)):
             start = COMMAND if command.guarded else [sys.executable, "-m", "damping_pipelines.cli"]
@@ -107,13 +108,18 @@ def guard() -> bool:
         if before is None:
             print("SPEED NOT GUARDED: this clone has no history (git fetch --unshallow --tags)", file=sys.stderr)
             return True
-        for tree in (before, ROOT):  # before anything is timed
-            for house in HOUSES:
-                compileall.compile_dir(tree / house, quiet=2)
+        _compile(before, ROOT)
         for command in list_commands(Path(folder)):
             if command.guarded:
                 fast &= _stays_fast(command, before)
     return fast
+
+
+def _compile(*trees: Path) -> None:
+    """Compile the packages of trees before anything is timed, as an installation does."""
+    for tree in trees:
+        for house in HOUSES:
+            compileall.compile_dir(tree / house, quiet=2)
 
 
 def _stays_fast(command: Command, before: Path) -> bool:

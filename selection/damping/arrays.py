@@ -32,13 +32,6 @@ POUND_FORCE_N = 0.45359237 * STANDARD_GRAVITY_M_S2
 RAD_S_PER_HZ = 2.0 * pi
 
 
-def invert(z: ComplexArray) -> ComplexArray:
-    """1/z, in a third of the time of numpy's complex division."""
-    x, y = z.real, z.imag
-    squared = x * x + y * y
-    return join_complex(x / squared, -y / squared)
-
-
 def join_complex(real: Floats, imaginary: Floats) -> ComplexArray:
     """real + i imaginary, without the cost of a complex multiplication."""
     same = np.shape(real) == np.shape(imaginary)

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from damping.arrays import ComplexArray, FloatArray, Floats, differs, invert, join_complex
+from damping.arrays import ComplexArray, FloatArray, Floats, differs, join_complex
 from damping.effects.contract import Drive, Instrument, Terms, add_parts
 from damping.effects.moving import hurried
 from damping.forces.contract import Force
@@ -177,7 +177,7 @@ def _receptance(terms: Terms, drive: Drive, A: FloatArray, turns: int, every: in
         in_second = _of_every(paths[1] * per_Z, every) * by_stiffness
         by_frequency = by_frequency + in_second * np.square(_of_every(ratio, every))
         H = H + paths[1]
-    per_H = invert(H)
+    per_H = np.reciprocal(H)
     return _Receptance(H, paths, by_u * per_H, by_frequency * _of_every(per_H, every))
 
 

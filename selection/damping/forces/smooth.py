@@ -21,6 +21,8 @@ LARGEST_RELIEF = 6.0
 _LN_RELIEF = 0.5 * (
     log(LARGEST_RELIEF * LEAST_RELIEF) + log(LARGEST_RELIEF / LEAST_RELIEF) * np.polynomial.chebyshev.chebgauss(11)[0]
 )
+#: Differences of these nodes, 1 for a node from itself.
+_APART = _LN_RELIEF[:, np.newaxis] - _LN_RELIEF + np.eye(len(_LN_RELIEF))
 #: Relief less 1 that counts as none.
 _NO_RELIEF = 1e-11
 #: Iterations for the stretch at the turns: to the last digit at any amplitude.
@@ -60,8 +62,8 @@ def _lag(Z: Floats, r: FloatArray, travel: Floats) -> FloatArray:
 
 @cache
 def _tabulate() -> FloatArray:
-    """The averages over ln(A/A1) and ln(relief), (1801, 11, 6): a relief at a time, as their loops take memory."""
-    return np.stack([_average(_gain(relief)) for relief in np.exp(_LN_RELIEF)], axis=1)
+    """The averages over ln(relief) and ln(A/A1), (11, 1801, 6): a relief at a time, as their loops take memory."""
+    return np.stack([_average(_gain(relief)) for relief in np.exp(_LN_RELIEF)])
 
 
 def _average(r: FloatArray) -> FloatArray:
@@ -74,12 +76,17 @@ def _average(r: FloatArray) -> FloatArray:
     free = np.log1p(r * Z) / r
     ends = [0.0 * Z, *(np.minimum(free + bend, 2.0 * a) for bend in (0.0, *_BENDS)), 2.0 * a]
     averages = np.zeros((4, len(a)))
-    for start, end in pairwise(ends):
-        first, last = (2.0 * np.arcsin(np.sqrt(travel / (2.0 * a))) - 0.5 * pi for travel in (start, end))
-        theta = first + 0.5 * (last - first) * (_GAUSS[0][:, np.newaxis] + 1.0)
-        g = 1.0 + _lag(Z, r, 2.0 * a * np.sin(0.5 * theta + 0.25 * pi) ** 2) / a
-        waves = np.stack([np.cos(theta), np.sin(theta), np.sin(3.0 * theta), np.cos(3.0 * theta)])
-        averages += (last - first) / pi * np.einsum("n,na,kna->ka", _GAUSS[1], g, waves)
+    # with t, tan of half the angle from the turn, the travel is 2 a t^2/(1 + t^2), and all sines and cosines follow: a
+    # sine of its own takes ten times as long
+    halves = [np.arcsin(np.sqrt(travel / (2.0 * a))) for travel in ends]
+    for first, last in pairwise(halves):
+        t = np.tan(first + 0.5 * (last - first) * (_GAUSS[0][:, np.newaxis] + 1.0))
+        per = 1.0 / (1.0 + t * t)
+        gone = t * t * per
+        g = _GAUSS[1][:, np.newaxis] * (1.0 + _lag(Z, r, 2.0 * a * gone) / a)
+        x, y = gone - per, 2.0 * t * per  # sin theta and cos theta
+        waves = y, x, x * (3.0 - 4.0 * x * x), y * (4.0 * y * y - 3.0)
+        averages += 2.0 * (last - first) / pi * np.array([np.einsum("na,na->a", g, wave) for wave in waves])
     C, S = averages[:2]
     slopes = averages[:2] + np.gradient(averages[:2], _LN_RATIO, axis=1)
     return np.stack([C, slopes[0], S, slopes[1], *averages[2:]], axis=-1) / _scale(a)
@@ -125,12 +132,12 @@ class SmoothSlip(SlippingForce):
 
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """C, dC/d ln A, S and dS/d ln A."""
-        C, C_slope, S, S_slope = (spread(values, omega) for values in self._look_up(A)[:4])
+        C, C_slope, S, S_slope = (spread(values, omega) for values in self._look_up(A, slice(4)))
         return C, C_slope, S, S_slope
 
     def third(self, A: Floats, omega: Floats) -> ComplexArray:
         """The third harmonic."""
-        real, imaginary = self._look_up(A)[4:]
+        real, imaginary = self._look_up(A, slice(4, 6))
         return np.asarray(real + 1j * imaginary)
 
     def cycle(self, theta: Floats, A: Floats, omega: Floats) -> Floats:
@@ -139,19 +146,25 @@ class SmoothSlip(SlippingForce):
         behind = _lag(_stretch_at_turn(a, r), r, a * (1.0 + way * np.sin(theta)))
         return np.asarray(self.stiffness * self.limit * way * (a + behind) + zeros(omega))
 
-    def _look_up(self, A: Floats) -> FloatArray:
-        """The entries of the table at A, (6, ...): between amplitudes along lines, between reliefs by Lagrange."""
-        a, y, table = np.asarray(A / self.limit), np.log(self.relief), _tabulate()
-        last = len(_LN_RATIO) - 1.0
+    def _look_up(self, A: Floats, entries: slice) -> FloatArray:
+        """Entries of the table at A, (entries, ...): between reliefs by Lagrange, then between amplitudes along lines.
+
+        Few reliefs differ, while each has many amplitudes: the table is made for each relief first.
+        """
+        a, last = np.asarray(A / self.limit), len(_LN_RATIO) - 1.0
         place = np.clip((np.log(a) - _LN_RATIO[0]) / np.ptp(_LN_RATIO) * last, 0.0, last)
         before = np.minimum(place.astype(np.int64), len(_LN_RATIO) - 2)
-        rows = table[before] + (place - before)[..., np.newaxis, np.newaxis] * (table[before + 1] - table[before])
-        weights = [
-            np.prod([(y - other) / (node - other) for other in _LN_RELIEF if other != node], axis=0)
-            for node in _LN_RELIEF
-        ]
-        size = np.asarray(self.stiffness * A)[..., np.newaxis] * _scale(a)
-        return np.moveaxis(size * np.einsum("...rk,...r->...k", rows, np.stack(weights, axis=-1)), -1, 0)
+        reliefs, which = np.unique(self.relief, return_inverse=True)
+        apart = np.log(reliefs)[:, np.newaxis, np.newaxis] - _LN_RELIEF
+        weights = np.prod(np.where(np.eye(len(_LN_RELIEF)) > 0.0, 1.0, apart / _APART), axis=2)
+        first, end = before.min(initial=len(_LN_RATIO)), before.max(initial=0) + 2
+        nodes = _tabulate()[:, first:end, entries]
+        table = (weights @ nodes.reshape(len(nodes), -1)).reshape(-1, nodes.shape[2])
+        row = which.reshape(np.shape(self.relief)) * nodes.shape[1] + before - first
+        below = table[row]
+        values = below + (place - before)[..., np.newaxis] * (table[row + 1] - below)
+        size = np.asarray(self.stiffness * A)[..., np.newaxis] * _scale(a)[..., entries]
+        return np.moveaxis(size * values, -1, 0)
 
 
 @dataclass(frozen=True)
