@@ -334,11 +334,14 @@ def test_levels_side_by_side_are_runs(tmp_path, amplitude, phase, names, order):
             np.testing.assert_allclose(rows["amplitude"] * np.exp(-1j * rows["phase"]), truth, rtol=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["mat", "h5", "tdms"])
+@pytest.mark.parametrize("kind", ["mat", "h5", "tdms", "complex.mat", "complex.h5"])
 def test_levels_side_by_side_in_a_file_of_arrays_are_runs(tmp_path, kind):
-    """Names of MAT are words without units; HDF5 has units as attributes."""
+    """Names of MAT are words without units; HDF5 has units as attributes; a phasor may be one array or two."""
     content, path = levels_beside("{level} amp [mm]", "{level} phase [deg]"), tmp_path / f"a.{kind}"
     arrays = {name: column.to_numpy() for name, column in content.items()}
+    kind, is_complex = path.suffix[1:], kind.startswith("complex")
+    if is_complex:
+        arrays = {"Frequency [Hz]": F} | {f"{level:g} N H [mm]": TRUTH[level][0] for level in LEVELS}
     words = {name: re.sub(r"(\d N )?(\w+) .*", r"\2 \1", name).strip().replace(" ", "_") for name in arrays}
     if kind == "mat":
         scipy.io.savemat(path, {words[name]: column for name, column in arrays.items()})
@@ -354,7 +357,8 @@ def test_levels_side_by_side_in_a_file_of_arrays_are_runs(tmp_path, kind):
     assert [run.level for run in runs] == list(LEVELS)
     for run, level in zip(runs, LEVELS, strict=True):
         np.testing.assert_allclose(run.channels[0].samples, TRUTH[level][0], rtol=1e-9)
-    stated = Stated(response="displacement", units={"response": "mm"} if kind == "mat" else {})
+    scaling = "peak" if is_complex else None  # parts do not say what they are
+    stated = Stated(response="displacement", units={"response": "mm"} if kind == "mat" else {}, scaling=scaling)
     record = steady_record(read_file(path, stated)[0], stated, "a", Summary()).frame
     assert set(record["force"]) == set(LEVELS)
     for level, rows in record.groupby("force"):
