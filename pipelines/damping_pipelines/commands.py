@@ -238,7 +238,8 @@ def condition(
 @delegate(".fleet")
 def fleet(
     records: Annotated[
-        Path, Argument(metavar="RECORDS_DIR", help="NAME.csv with NAME.toml, or NAME/data.csv with model.toml.")
+        Path,
+        Argument(metavar="RECORDS_DIR", help="NAME.csv with NAME.toml or mode.toml, NAME/data.csv with model.toml."),
     ],
     out: Annotated[Path, Option(metavar="DIR", help="Folder for the results; existing ones are kept.")],
     scheduler: Annotated[

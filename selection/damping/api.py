@@ -18,7 +18,7 @@ from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predi
 from damping.extrapolation.prepared import prepare_record
 from damping.extrapolation.requested import list_asked
 from damping.infer import SEED
-from damping.progress import Progress, silent, single_threaded, unknown_length, watch
+from damping.progress import Progress, silent, single_threaded, watch
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records import audit
@@ -192,8 +192,7 @@ def diagnose(
     for state_record, state_mode in states:
         check_kind(state_mode, Mode, "mode of a state")
         check(state_record, state_mode).require(despite, diagnosed=True)
-    with unknown_length(progress, "diagnosing", diagnosis.HYPOTHESES) as report:
-        gap = diagnosis.diagnose(record, mode, states=states, simulate=simulate, done=report)
+    gap = diagnosis.diagnose(record, mode, states=states, simulate=simulate, progress=progress)
     is_compared = compare and not (states or simulate)
     against = compare_with_ranking(gap.record, gap, findings, seed, progress) if is_compared else AGREED
     audited = (str(finding).replace(" (caution):", ":", 1) for finding in findings.findings)

@@ -381,7 +381,7 @@ def test_progress_of_a_comparison_with_the_other_command_is_seen(record, mode):
     assert titles == ["weighing laws", "sampling", "comparing"]
     titles.clear()
     dp.diagnose(record, simulated, posterior=True, progress=progress)
-    assert titles == ["diagnosing", "weighing laws", "sampling", "posterior"]
+    assert titles == ["diagnosing", "holding levels out", "weighing laws", "sampling", "posterior"]
     assert done["comparing"] > 2
     assert done["posterior"] > 80  # steps of a chain at least
 

@@ -12,8 +12,10 @@ import pytest
 import scipy.io
 from nptdms import ChannelObject, TdmsWriter
 
+from damping.campaign import analyse
 from damping.campaign.records import fit_levels, tie_modes
 from damping.campaign.runs import ChannelCorrection, Corrections
+from damping.campaign.sensors import find_exchanged
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
 from damping.formats import read_file
@@ -332,11 +334,14 @@ def test_levels_side_by_side_are_runs(tmp_path, amplitude, phase, names, order):
             np.testing.assert_allclose(rows["amplitude"] * np.exp(-1j * rows["phase"]), truth, rtol=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["mat", "h5", "tdms"])
+@pytest.mark.parametrize("kind", ["mat", "h5", "tdms", "complex.mat", "complex.h5"])
 def test_levels_side_by_side_in_a_file_of_arrays_are_runs(tmp_path, kind):
-    """Names of MAT are words without units; HDF5 has units as attributes."""
+    """Names of MAT are words without units; HDF5 has units as attributes; a phasor may be one array or two."""
     content, path = levels_beside("{level} amp [mm]", "{level} phase [deg]"), tmp_path / f"a.{kind}"
     arrays = {name: column.to_numpy() for name, column in content.items()}
+    kind, is_complex = path.suffix[1:], kind.startswith("complex")
+    if is_complex:
+        arrays = {"Frequency [Hz]": F} | {f"{level:g} N H [mm]": TRUTH[level][0] for level in LEVELS}
     words = {name: re.sub(r"(\d N )?(\w+) .*", r"\2 \1", name).strip().replace(" ", "_") for name in arrays}
     if kind == "mat":
         scipy.io.savemat(path, {words[name]: column for name, column in arrays.items()})
@@ -352,7 +357,8 @@ def test_levels_side_by_side_in_a_file_of_arrays_are_runs(tmp_path, kind):
     assert [run.level for run in runs] == list(LEVELS)
     for run, level in zip(runs, LEVELS, strict=True):
         np.testing.assert_allclose(run.channels[0].samples, TRUTH[level][0], rtol=1e-9)
-    stated = Stated(response="displacement", units={"response": "mm"} if kind == "mat" else {})
+    scaling = "peak" if is_complex else None  # parts do not say what they are
+    stated = Stated(response="displacement", units={"response": "mm"} if kind == "mat" else {}, scaling=scaling)
     record = steady_record(read_file(path, stated)[0], stated, "a", Summary()).frame
     assert set(record["force"]) == set(LEVELS)
     for level, rows in record.groupby("force"):
@@ -766,3 +772,31 @@ def test_drives_in_several_units_are_levels_in_one(tmp_path):
     files[1].write_text(text.replace("Force [lbf]", "Base [g]"))
     with pytest.raises(InputError, match="driven in g, others in N; expected one kind of drive"):
         read_runs(files, SIZE)
+
+
+@pytest.mark.parametrize("names", [("tip",), NAMES])
+@pytest.mark.parametrize("phase", ["{} phase [deg]", "{} lead [deg]"])
+def test_a_drive_exchanged_with_a_sensor_is_named(tmp_path, names, phase):
+    """With several modes the answer was of what lies between them; stated roles give the runs of the right columns."""
+    for level in LEVELS:
+        content = table(level, phase).filter(regex="|".join(("Frequency", "Force", *names)))
+        content[phase.format("Force")] = 0.0
+        swapped = {"tip [mm]": "Force [N]", "Force [N]": "tip [mm]"}
+        swapped |= {phase.format(a): phase.format(b) for a, b in (("tip", "Force"), ("Force", "tip"))}
+        content.rename(columns=swapped).to_csv(tmp_path / f"{level:g}N.csv", index=False)
+    files = sorted(tmp_path.glob("*.csv"))
+    with pytest.raises(InputError, match="the drive peaks as a sensor does, and 'tip' is steady as a drive"):
+        analyse(files, max_size=SIZE)
+    roles = {"tip": ChannelCorrection("drive", "N"), "Force": ChannelCorrection("sensor", "mm")}
+    for run, level in zip(read_runs(files, SIZE, Corrections(channels=roles))[0], LEVELS, strict=True):
+        assert (run.level, run.names) == (level, ["Force", *names[1:]])
+        np.testing.assert_allclose(run.channels[0].samples / run.drive, TRUTH[level][0] / level, rtol=1e-9)
+
+
+def test_a_drive_that_falls_at_resonances_or_follows_a_profile_is_no_sensor():
+    """A shaker's force falls where the structure moves; a base profile moves every sensor with it."""
+    H = np.abs(TRUTH[1.0])
+    falls, profile = 1.0 / (1.0 + 0.2 * H[0] / H[0].mean()), np.where((F > 11.0) & (F < 13.0), 5.0, 1.0)
+    for drive, rows in ((falls, F > 0.0), (profile, F > 0.0), (1.0 / H[0], F < 14.0)):  # the last holds a response
+        assert not find_exchanged(drive[rows], dict(zip(NAMES, (H * drive)[:, rows], strict=True)))
+    assert find_exchanged(H[0], {"force": falls, "mid": H[1]}) == "force"

@@ -231,6 +231,33 @@ def test_a_force_that_sags_in_its_last_digit_begins_no_sweep(truth, tmp_path, im
     assert [len(record.of(label)) for label in record.sweeps] == [len(up), len(up)]
 
 
+def test_a_row_taken_again_is_of_its_sweep(truth, tmp_path, imported):
+    """Its force differs in the last digit; that of the next level, at the same frequency, differs by more."""
+    n, again = len(truth.f), np.r_[np.arange(len(truth.f)), -1]
+    for factor, rows in ((1.01, [n + 1]), (2.0, [n, 1])):
+        force = np.r_[np.full(n, 3.0), 3.0 * factor]
+        amplitude = 1e3 * force * np.abs(truth.H[again])
+        table = {"frequency": truth.f[again], "force [N]": force, "amplitude [mm]": amplitude}
+        pd.DataFrame(table).to_csv(tmp_path / "a.csv", index=False)
+        record = imported(tmp_path / "a.csv").record
+        assert [len(record.of(label)) for label in record.sweeps] == rows
+
+
+@pytest.mark.parametrize("header", ["Lag [deg]", "Tip lag [deg]", "Nacheilung (°)"])
+def test_a_lag_is_a_phase_and_what_is_not_read_is_listed(truth, tmp_path, imported, header):
+    columns = {
+        "Frequency [Hz]": lambda _: truth.f,
+        "Force [N]": lambda force: np.full(len(truth.f), force),
+        "Displacement [m]": lambda force: force * np.abs(truth.H),
+        "Cabin": lambda _: truth.f + 273.0,
+        header: lambda _: np.degrees(truth.lag),
+    }
+    stacked(truth, **columns).to_csv(tmp_path / "a.csv", index=False)
+    taken = imported(tmp_path / "a.csv")
+    close(taken.record, truth)
+    assert ("columns not read", "'Cabin'", "no known name (--column)") in taken.summary.rows
+
+
 def test_each_column_is_scaled_by_its_header(truth, tmp_path, imported):
     w = 2 * np.pi * truth.f
     columns = {

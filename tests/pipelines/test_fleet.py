@@ -587,6 +587,19 @@ def test_what_is_not_read_is_named(tmp_path):
     assert list_skipped(records, cases) == ["ALSO.CSV", "alone.toml", "broken.csv", "further", "loop.csv"]
 
 
+def test_one_mode_file_serves_every_record_without_its_own(tmp_path):
+    """Unless it is that of a record ``mode.csv``; messages and keys follow the file that was taken."""
+    records = _one(tmp_path)
+    (records / "two.csv").write_text(record_text(2))
+    (records / "mode.toml").write_text(MODE.replace("1.0", "2.0"))
+    assert list_skipped(records, find_cases(records)) == []
+    own, shared = tasks_of(find_cases(records), settings())
+    assert (own.files, shared.files) == (("one.csv", "one.toml"), ("two.csv", "mode.toml"))
+    assert shared.model_text == (records / "mode.toml").read_bytes() != own.model_text
+    (records / "mode.csv").write_text(record_text(3))
+    assert [case.files[1] for case in find_cases(records)] == ["mode.toml", "one.toml", "two.toml"]
+
+
 def test_amplitudes_on_the_page_have_their_units():
     """Records in inches and in metres stand in one table."""
     table = pd.DataFrame(index=range(3), columns=list(COLUMNS)).assign(

@@ -160,6 +160,15 @@ def test_every_figure_has_a_text_alternative_and_a_caption(rendered: Rendered, r
     assert all(re.search(r"<desc [^>]*>[^<]{40,}", svg) for svg in rendered.figures.values())
 
 
+def test_points_of_a_figure_are_what_its_caption_counts(study: StudyResult, reader: Reader) -> None:
+    """Laws are fitted to all points, of which a curve shows one resonance a sweep."""
+    text, result = " ".join(" ".join(reader.texts).split()), study.records[1]
+    assert len(result.data.A) > len(result.data.tested_amplitude)
+    assert f"by laws fitted to {len(result.data.A)} points" in text
+    assert f"measured resonances (n = {len(result.data.tested_amplitude)})" in text
+    assert f"n = {len(result.data.A)} points" not in text
+
+
 def test_a_figure_of_sweeps_says_how_far_their_rows_lie_off(study: StudyResult, reader: Reader) -> None:
     """The misfit of the verdict, not that of the resonances, which lie on the curve."""
     text, fit = " ".join(" ".join(reader.texts).split()), study.records[1].ranking.fit

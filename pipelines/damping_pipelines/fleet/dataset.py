@@ -28,6 +28,8 @@ from damping_pipelines.store import write_bytes
 
 #: Design forces where none are asked for, in multiples of the largest tested force of each record.
 MULTIPLES = (1.5, 2.0)
+#: The mode of every record in a folder that has none of its own name.
+SHARED_MODE = "mode.toml"
 #: Seconds that a record may take: many times what chains of the largest records in use took.
 TIME_LIMIT = 3600.0
 
@@ -68,6 +70,12 @@ class FleetCase:
     model: Path
     is_model: bool
 
+    @property
+    def files(self) -> tuple[str, str]:
+        """Record and mode as messages name them, which a reader finds under the folder of records."""
+        inside = f"{self.name}/" if self.is_model else ""
+        return inside + describe_shown(self.record.name), inside + describe_shown(self.model.name)
+
 
 @dataclass(frozen=True)
 class FleetTask:
@@ -79,6 +87,7 @@ class FleetTask:
     record_text: bytes | None  #: None where the file cannot be read, and then ``problem`` says why
     model_text: bytes | None  #: likewise
     is_model: bool
+    files: tuple[str, str]  #: see `FleetCase.files`
     settings: FleetSettings
     problem: str = ""
 
@@ -90,7 +99,7 @@ class FleetTask:
     @property
     def inputs(self) -> dict[str, str]:
         """SHA-256 of both files, by the user's names for them."""
-        return dict(zip(name_files(self.name, is_model=self.is_model), self.digests, strict=True))
+        return dict(zip(self.files, self.digests, strict=True))
 
     @property
     def stem(self) -> str:
@@ -107,29 +116,28 @@ class FleetResult:
 
 
 def find_cases(folder: Path) -> list[FleetCase]:
-    """Records ``NAME.csv`` with ``NAME.toml``, and ``NAME/data.csv`` with ``NAME/model.toml``, by name.
+    """Records ``NAME.csv`` with ``NAME.toml`` or else ``SHARED_MODE``, and ``NAME/data.csv`` with ``NAME/model.toml``.
 
-    A record without its TOML is listed too, and fails for that reason. InputError: no record.
+    They are in the order of their names. A record without a mode is listed too, and fails for that reason; that of a
+    record ``mode.csv`` is not shared. InputError: no record.
     """
     if not folder.is_dir():
         raise InputError("no such folder", file=folder, expected="a folder of records")
-    cases = []
+    cases, shared = [], folder / SHARED_MODE
+    is_shared = shared.is_file() and not shared.with_suffix(".csv").exists()
     for entry in os.scandir(folder):
         path = Path(entry.path)  # whose questions, unlike those of the entry, a link to itself answers with no
         data, model = path / "data.csv", path / "model.toml"
         if path.is_dir() and (data.exists() or model.exists()):
             cases.append(FleetCase(describe_shown(entry.name), entry.name, data, model, True))
         elif entry.name.endswith(".csv") and path.is_file():
-            cases.append(FleetCase(describe_shown(entry.name[:-4]), entry.name, path, path.with_suffix(".toml"), False))
+            own = path.with_suffix(".toml")
+            mode = shared if is_shared and not os.path.lexists(own) else own
+            cases.append(FleetCase(describe_shown(entry.name[:-4]), entry.name, path, mode, False))
     if not cases:
-        expected = "NAME.csv with NAME.toml, or NAME/data.csv with NAME/model.toml"
+        expected = "NAME.csv with NAME.toml or mode.toml, or NAME/data.csv with NAME/model.toml"
         raise InputError("holds no record", file=folder, expected=expected)
     return sorted(cases, key=lambda case: (case.name, case.is_model))
-
-
-def name_files(name: str, *, is_model: bool) -> tuple[str, str]:
-    """Record and mode of a case as messages name them, which a reader finds under the folder of records."""
-    return (f"{name}/data.csv", f"{name}/model.toml") if is_model else (f"{name}.csv", f"{name}.toml")
 
 
 def list_skipped(folder: Path, cases: Collection[FleetCase]) -> list[str]:
@@ -151,7 +159,7 @@ def describe_shown(name: str) -> str:
 def tasks_of(cases: list[FleetCase], settings: FleetSettings) -> Iterator[FleetTask]:
     """Tasks one by one; the files of a record are read on demand."""
     for case in cases:
-        names = name_files(case.name, is_model=case.is_model)
+        names = case.files
         record, first = _content(case.record, names[0], settings.max_size)
         model, second = _content(case.model, names[1], settings.max_size)
         hashed = hashlib.sha256()
@@ -160,7 +168,7 @@ def tasks_of(cases: list[FleetCase], settings: FleetSettings) -> Iterator[FleetT
             hashed.update(len(content).to_bytes(8, "big") + content)
         key = hashed.hexdigest()
         seed = seed_of(settings.seed, key)
-        yield FleetTask(case.name, key, seed, record, model, case.is_model, settings, first or second)
+        yield FleetTask(case.name, key, seed, record, model, case.is_model, names, settings, first or second)
 
 
 def seed_of(seed: int, key: str) -> int:

@@ -21,7 +21,7 @@ from damping.campaign.notches import find_notches
 from damping.campaign.records import DrivenMode, describe_lost, fit_right_levels, tie_modes
 from damping.campaign.responses import Forecast, add_responses, describe_turned, find_input
 from damping.campaign.runs import CampaignRun, Corrections, DesignLevel
-from damping.campaign.sensors import describe_shares
+from damping.campaign.sensors import check_drives, describe_shares
 from damping.campaign.sources import read_runs
 from damping.campaign.values import At, SensorPrediction
 from damping.errors import InputError
@@ -97,6 +97,7 @@ def _answer_sweeps(
     tested = [float(run.level or 0.0) for run in runs]
     inputs = design or [DesignLevel.flat(2.0 * max(tested))]
     highest = tuple(float(level.level.max()) for level in inputs)
+    check_drives(runs, trusted)
     levels, misread = fit_right_levels(runs, frequencies, trusted)
     tied = tie_modes(levels, {**runs[0].left_out, **misread}, frequencies)
     summary.notes.extend([*describe_shares(levels, trusted), *describe_lost(levels, tied, frequencies)])

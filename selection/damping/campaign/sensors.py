@@ -6,9 +6,10 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray
 from damping.campaign.modal_fit import LEAST_T, Level
-from damping.campaign.runs import Channel
+from damping.campaign.runs import CampaignRun, Channel
 from damping.errors import InputError
 from damping.formats.quantity import unit
+from damping.formats.series import Samples
 
 DEAD = 0.02  #: a sensor is dead if it reads less than this share of the median sensor
 FOLLOWS = 0.9  #: least share of the mode in a sensor's motion at the mode's frequency, for the sensor to count
@@ -37,6 +38,40 @@ UNITS[-2] = ("g", *(f"{length}/s^2" for length in UNITS[0]))
 #: mode shapes by a few per cent.
 CHANGED = 0.1
 STANDS_OUT = 3.0  #: least ratio of that change to the largest change of the other sensors
+#: Largest amplitude of a run over its median from which a drive moves as a sensor, beside one that is ``STEADY``: a
+#: drive is held, or falls at resonances, where all that moves rises by 1/(2 z).
+PEAKED = 3.0
+STEADY = 1.5  #: the same ratio up to which a sensor is held as a drive is
+
+
+def find_exchanged(drive: Samples, sensors: Mapping[str, Samples]) -> str:
+    """The steadiest of the ``sensors`` (n,) if it is as a drive, and the ``drive`` (n,) as a sensor; else ''."""
+    if not sensors or not 2 <= np.argmax(np.abs(drive)) < len(drive) - 2 or _measure_peak(drive) < PEAKED:
+        return ""
+    name = min(sensors, key=lambda name: _measure_peak(sensors[name]))
+    return name if _measure_peak(sensors[name]) < STEADY else ""
+
+
+def _measure_peak(x: Samples) -> float:
+    """Largest amplitude over the median; infinite for a sensor that reads nothing."""
+    median = float(np.median(np.abs(x)))
+    return float(np.max(np.abs(x))) / median if median > 0.0 else np.inf
+
+
+def refuse_exchanged(found: Sequence[str]) -> None:
+    """Raise InputError if drive and sensor are exchanged in every run; ``found``: of each, as of `find_exchanged`."""
+    if found and all(found):
+        message = f"the drive peaks as a sensor does, and {found[0]!r} is steady as a drive: they seem to be exchanged"
+        roles = f"role = 'drive' of {found[0]!r} and 'sensor' of the other, with their units"
+        expected = f"--correct FILE.toml: {roles}; or role = 'sensor' of {found[0]!r} if it is right"
+        raise InputError(message, expected=expected)
+
+
+def check_drives(runs: Sequence[CampaignRun], trusted: Collection[str]) -> None:
+    """Raise InputError if drive and sensor are exchanged in every run; ``trusted``: sensors stated to be right."""
+    motions = [{c.name: c.samples for c in run.channels if not c.per_drive and c.name not in trusted} for run in runs]
+    pairs = zip(runs, motions, strict=True)
+    refuse_exchanged([find_exchanged(run.drive, of) for run, of in pairs if run.drive is not None])
 
 
 def find_misread(levels: Sequence[Level], trusted: Collection[str] = ()) -> dict[str, str]:

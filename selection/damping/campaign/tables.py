@@ -14,6 +14,7 @@ from damping.campaign.runs import (
     refuse_forces,
     split_ratio,
 )
+from damping.campaign.sensors import find_exchanged, refuse_exchanged
 from damping.campaign.tracked import Source
 from damping.errors import InputError
 from damping.formats.conversion import SCALINGS
@@ -230,14 +231,17 @@ def _settle_sense(content: _Content, sweeps: Sequence[_SweepRows]) -> Sequence[_
     angular = {reading.name for reading in (*content.sensors, *content.drives) if "angle" in reading.roles}
     if not angular:
         return sweeps
-    turned = []
+    turned, exchanged = [], []
     for sweep in sweeps:
         drive = sweep.values[content.drives[0].name] if content.drives else np.ones(len(sweep.x))
-        for H in (sweep.values[reading.name] / drive for reading in content.sensors):
+        motions = {reading.name: sweep.values[reading.name] for reading in content.sensors}
+        exchanged.append(find_exchanged(drive, motions))
+        for H in (x / drive for x in motions.values()):
             if H.any():  # else it is dead
                 unit_H = H / np.max(np.abs(H))
                 turned.append(float(np.sum(np.imag(np.conj(unit_H[:-1]) * unit_H[1:]))))
     if not turned or abs(np.mean(turned)) < TURNS:
+        refuse_exchanged(exchanged)
         message = f"whether the phases of {content.table.label!r} lead or lag cannot be determined from their direction"
         raise InputError(message, expected="columns called lead or lag, such as tip lag [deg]")
     is_lead = bool(np.mean(turned) < 0.0)

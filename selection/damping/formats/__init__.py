@@ -7,7 +7,7 @@ each with the facts that the file states. ``steady.steady_record`` converts swee
 that neither the file nor the user states; nothing is guessed.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -128,10 +128,7 @@ def _list_table_series(table: TextTable, path: str | Path, kind: str, stated: St
         for parts, twice in _TWICE.items():
             if set(parts) <= set(numbers):
                 numbers = {role: values for role, values in numbers.items() if role not in twice}
-    for role, header in headers.items():
-        if role in numbers or role == "sweep":
-            source = "stated" if role in stated.columns else "by its name"
-            summary.add(f"column {describe_shortened(header.text)!r}", f"{role}: {ROLES[role]}", source)
+    _summarise_columns(table, {role: k for role, k in places.items() if role in (*numbers, "sweep")}, stated, summary)
     if stated.rate is not None:
         if set(ABSCISSAS) & set(numbers):
             raise InputError("--rate beside a column of times or frequencies", expected="one of them")
@@ -163,6 +160,16 @@ def _list_table_series(table: TextTable, path: str | Path, kind: str, stated: St
         angles={role: header.angle for role, header in headers.items() if header.angle},
     )
     return to_series(numbers, labels, facts, label, summary, peak=kind == "csv")
+
+
+def _summarise_columns(table: TextTable, places: Mapping[str, int], stated: Stated, summary: Summary) -> None:
+    """Add a row for each column that has a role, and one for all others."""
+    for role, place in places.items():
+        source = "stated" if role in stated.columns else "by its name"
+        summary.add(f"column {describe_shortened(table.headers[place].text)!r}", f"{role}: {ROLES[role]}", source)
+    others = [repr(header.text) for k, header in enumerate(table.headers) if header.text and k not in places.values()]
+    if others:
+        summary.add("columns not read", describe_shortened(", ".join(others), 100), "no known name (--column)")
 
 
 def _describe_layout(layout: Layout, skip: int) -> str:

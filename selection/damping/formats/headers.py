@@ -232,11 +232,16 @@ def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | No
 
 
 def list_phases(headers: Sequence[ColumnHeader]) -> list[int]:
-    """Columns called ``phase``; else those that begin so and have the unit of an angle: of two sensors both."""
+    """Columns called ``phase``; else those that begin so, or are called lag or lead, in the unit of an angle."""
     names = [header.name.lower() for header in headers]
     own = [k for k, name in enumerate(names) if name == "phase" and (headers[k].angle or not headers[k].unit)]
-    further = [k for k, name in enumerate(names) if name.startswith("phase") and headers[k].angle]
+    further = [k for k, name in enumerate(names) if headers[k].angle and (name.startswith("phase") or _lags(name))]
     return own or [k for k in further if names[k] not in OPTIONAL_COLUMNS]  # phase_sd, phase_3
+
+
+def _lags(name: str) -> bool:
+    """Whether a word of a name in lower case is that of a lag or a lead."""
+    return not {*NAMES["part"]["lag"], *NAMES["part"]["lead"]}.isdisjoint(re.split(r"[\s_.]+", name))
 
 
 def find_shared_name(places: Mapping[str, int], headers: Sequence[ColumnHeader]) -> str:

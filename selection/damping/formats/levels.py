@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.arrays import read_arrays
 from damping.formats.columns import TextTable
@@ -36,20 +37,28 @@ def find_level(text: str) -> tuple[float, str] | None:
 def write_levels(path: str | Path, kind: str, max_size: int) -> bytes | None:
     """Levels side by side in a file of arrays as a text table with tabs; None if the names of its arrays hold none.
 
-    It has every array of real numbers that is as long as those of the levels. InputError: as of ``read_arrays``.
+    It has every array that is as long as those of the levels, a complex one as its parts, which are called re and im
+    alone if a level has no other. InputError: as of ``read_arrays``.
     """
     contents = read_arrays(path, kind, [], None, rows=(0, 1))
     known, steps = contents.known, contents.steps
     lengths = {prod(known[name]) for name in known if find_level(_space(split(name)[-1]))}
     names = [name for name, shape in known.items() if {prod(shape)} == lengths and name not in steps]
-    if not names or max(lengths) > _MOST_ROWS:
+    if all(find_level(_space(split(name)[-1])) for name in names) or max(lengths) > _MOST_ROWS:  # no frequency
         return None
     contents = read_arrays(path, kind, names, max_size)
-    columns = {name: contents.arrays[name][0].reshape(-1) for name in names if name in contents.arrays}
-    columns = {name: values for name, values in columns.items() if not np.iscomplexobj(values)}
-    units = {name: f" [{contents.units[name]}]" if name in contents.units else "" for name in columns}
-    rows = [[f"{split(name)[-1]}{units[name]}" for name in columns]]
-    rows += [[repr(float(value)) for value in row] for row in zip(*columns.values(), strict=True)]
+    arrays = {name: contents.arrays[name][0].reshape(-1) for name in names if name in contents.arrays}
+    levels = [find_level(_space(split(name)[-1])) for name, values in arrays.items() if np.iscomplexobj(values)]
+    columns: dict[str, FloatArray] = {}
+    for name, values in arrays.items():
+        leaf, unit_text = split(name)[-1], f" [{contents.units[name]}]" if name in contents.units else ""
+        if np.iscomplexobj(values):
+            level = find_level(_space(leaf))
+            title = f"{level[0]:g} {level[1]}" if level and levels.count(level) == 1 else leaf
+            columns |= {f"{title} re{unit_text}": values.real, f"{title} im{unit_text}": values.imag}
+        else:
+            columns[f"{leaf}{unit_text}"] = values
+    rows = [[*columns], *([repr(float(value)) for value in row] for row in zip(*columns.values(), strict=True))]
     return "".join("\t".join(row) + "\n" for row in rows).encode()
 
 

@@ -120,7 +120,8 @@ def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
     """Rows at which a new sweep begins: the frequency goes back by half its range or to rows that refine the sweep, or
     turns where the force changes.
 
-    Within a sweep a nearly constant force may change in its last digit while the frequency goes on.
+    Within a sweep a nearly constant force may change in its last digit while the frequency goes on, or at a row taken
+    again.
     """
     starts: set[int] = set()
     rows = np.flatnonzero(np.isfinite(frequency) & (frequency > 0.0))
@@ -139,7 +140,8 @@ def _cuts(frequency: FloatArray, force: Samples | None) -> list[int]:
         way = np.sign(np.diff(frequency))
         onward = {k + 1 for k in range(1, len(way)) if way[k] == way[k - 1] != 0.0}
         if len(changes) < len(size) / _FEWEST_ROWS:  # a constant force, not one measured in every row
-            starts |= set(changes.tolist()) - onward
+            again = {k for k in changes.tolist() if way[k - 1] == 0.0 and number_levels(size[k - 1 : k + 1]).max() == 0}
+            starts |= set(changes.tolist()) - onward - again
     return sorted(starts)
 
 

@@ -35,7 +35,7 @@ from damping.gap.where import (
     residual_cells,
     trend_of,
 )
-from damping.progress import nothing
+from damping.progress import Progress, nothing, silent, unknown_length
 from damping.records.mode import Mode, Units
 from damping.records.record import Record
 
@@ -217,15 +217,17 @@ def diagnose(
     mode: Mode,
     states: Sequence[State] = (),
     simulate: Simulate | None = None,
-    done: Callable[[str], None] = nothing,
+    progress: Progress = silent,
 ) -> Diagnosis:
     """Diagnose the gap between a simulation and a record; arguments and errors as of `explain`.
 
     Adds doubts, levels held out, places and trends to what `explain` finds.
     """
-    explained = explain(record, mode, states, simulate, done=done)
+    with unknown_length(progress, "diagnosing", HYPOTHESES) as report:
+        explained = explain(record, mode, states, simulate, done=report)
+    explained.search.done = nothing  # its part of the progress is over
     known, hypotheses, leading = explained.setting, explained.hypotheses, explained.leading
-    held_out = size.hold_levels_out(known, explained.search, leading.best)
+    held_out = size.hold_levels_out(known, explained.search, leading.best, progress)
     gap = size.measure_gap(leading.best)
     apart = size.describe_repeatability(known, leading.best)
     doubts = [

@@ -18,6 +18,7 @@ from damping.gap.hypotheses import Hypothesis
 from damping.gap.model import Model, Problem, deviated
 from damping.gap.problem import Setting
 from damping.gap.search import Search
+from damping.progress import Advance, Progress, silent
 
 #: Deviation of a sweep, in units of repeatability, from which it is outlying: one in a thousand sweeps.
 OUTLYING = 3.3
@@ -221,9 +222,7 @@ def describe_held_out(leading: Hypothesis, gap: Gap, held_out: HeldOut | None) -
     """The caution where an explanation closes the gap, but not on levels that did not choose it."""
     if held_out is None or held_out.shrinkage is None or gap.shrinkage is None:
         return []
-    if _list_passing(leading.effects):
-        return []
-    if gap.shrinkage < _CLOSED or held_out.shrinkage > _FAILED:
+    if _list_passing(leading.effects) or gap.shrinkage < _CLOSED or held_out.shrinkage > _FAILED:
         return []
     closed = f"{100.0 * held_out.shrinkage:.0f} %" if held_out.shrinkage > 0.0 else "none"
     others = {" + ".join(fold.effects) or "no effect" for fold in held_out.folds if set(fold.effects) != leading.key}
@@ -238,7 +237,7 @@ def _list_passing(names: Sequence[str]) -> list[str]:
     return [name for name in names if CATALOGUE[name].passing]
 
 
-def hold_levels_out(setting: Setting, search: Search, leading: ModelFit) -> HeldOut | None:
+def hold_levels_out(setting: Setting, search: Search, leading: ModelFit, progress: Progress = silent) -> HeldOut | None:
     """Hold out each level in turn, the highest first, at most ``MOST_FOLDS``; None with one level.
 
     The best hypotheses of ``search`` are fitted again to the other levels, and the most probable one there is chosen.
@@ -249,7 +248,8 @@ def hold_levels_out(setting: Setting, search: Search, leading: ModelFit) -> Held
     if rows.level_count < 2:
         return None
     regular = regular_values(leading)
-    folds = tuple(_fold(setting, search, int(level), regular) for level in levels)
+    with progress("holding levels out", len(levels)) as advance:
+        folds = tuple(_fold(setting, search, int(level), regular, advance) for level in levels)
     values = sum(fold.count for fold in folds)
     nominal, before, after = (
         float(np.sqrt(sum(getattr(fold, name) for fold in folds) / values)) for name in ("nominal", "before", "after")
@@ -274,7 +274,7 @@ def _interval(before: float, after: float, values: int) -> tuple[float | None, f
     return middle, float(min(raw - reach, middle)), float(max(middle, min(1.0, raw + reach)))
 
 
-def _fold(setting: Setting, search: Search, level: int, regular: BoolArray) -> HeldOutFold:
+def _fold(setting: Setting, search: Search, level: int, regular: BoolArray, advance: Advance) -> HeldOutFold:
     """Choose and fit a hypothesis without a level, and predict that level."""
     problem = setting.problem
     out = problem.rows.levels[problem.rows.sweep] == level
@@ -282,10 +282,10 @@ def _fold(setting: Setting, search: Search, level: int, regular: BoolArray) -> H
     test = replace(problem, rows=problem.rows.where(out))
     chosen = search.again(train, setting.unknowns, ~out).ranked()[0].best
     counted = regular[np.tile(out, regular.size // out.size)]
-    after = _predicted(chosen, test)
-    before = _predicted(refitted(chosen), test)
+    after, before = _predicted(chosen, test), _predicted(refitted(chosen), test)
     nominal = nominal_residuals(replace(chosen, model=replace(chosen.model, problem=test)))
     sums = [float(np.sum(r[counted] ** 2)) for r in (nominal, before, after)]
+    advance(f"sweep {', '.join(test.rows.sweeps)}")
     return HeldOutFold(test.rows.sweeps, chosen.effects, int(counted.sum()), *sums)
 
 

@@ -116,7 +116,7 @@ def _build_median_marks() -> list[Artist]:
 
 
 def _build_measured_mark(n: int) -> Artist:
-    return Line2D([], [], marker="o", color=look.MEASURED, linestyle="", label=f"measured (n = {n})")
+    return Line2D([], [], marker="o", color=look.MEASURED, linestyle="", label=f"measured resonances (n = {n})")
 
 
 MOST_NAMED = 6  #: sweeps named beside their curves; more hide them
