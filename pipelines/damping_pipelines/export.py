@@ -91,7 +91,7 @@ def _check_out(out: Path, *, text: bool) -> None:
     """InputError: a name of no known format, or ``text`` for a format without a text form."""
     kind = out.suffix.lower()
     if kind not in (*_UFF, ".csv", ".parquet"):
-        expected = "a name ending in .uff, .unv, .csv or .parquet"
+        expected = "a name ending in .uff, .unv, .csv or .parquet, or --to nastran or another structural code"
         raise InputError(f"--out {out.name!r} is of no known format", expected=expected)
     if text and kind not in _UFF:
         raise InputError(f"--text beside --out {out.name!r}", expected="a universal file: .uff or .unv")

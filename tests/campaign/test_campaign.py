@@ -658,9 +658,9 @@ def test_a_group_of_a_tdms_file_is_read_without_the_others(tmp_path, monkeypatch
     t, read = np.arange(0.0, 30.0, 2e-3), []
     x = np.cos(2.0 * np.pi * (8.0 * t + 0.1 * t**2)) if drive == "force" else np.exp(-t) * np.cos(60.0 * t)
     with TdmsWriter(tmp_path / "a.tdms") as file:
-        for group, name in product(("run 1", "run 2"), ("tip", drive)):
+        for (size, group), name in product(enumerate(("run 1", "run 2"), 1), ("tip", drive)):
             about = {"wf_increment": 2e-3, "unit_string": "N" if name == "force" else "m/s^2"}
-            file.write_segment([ChannelObject(group, name, x, about)])
+            file.write_segment([ChannelObject(group, name, size * x, about)])
 
     def spy(*args, **named):
         found = read_arrays(*args, **named)

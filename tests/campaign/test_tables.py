@@ -13,7 +13,7 @@ import scipy.io
 from nptdms import ChannelObject, TdmsWriter
 
 from damping.campaign import analyse
-from damping.campaign.records import fit_levels, tie_modes
+from damping.campaign.records import describe_lost, fit_levels, tie_modes
 from damping.campaign.runs import ChannelCorrection, Corrections
 from damping.campaign.sensors import find_exchanged
 from damping.campaign.sources import read_runs
@@ -800,3 +800,24 @@ def test_a_drive_that_falls_at_resonances_or_follows_a_profile_is_no_sensor():
     for drive, rows in ((falls, F > 0.0), (profile, F > 0.0), (1.0 / H[0], F < 14.0)):  # the last holds a response
         assert not find_exchanged(drive[rows], dict(zip(NAMES, (H * drive)[:, rows], strict=True)))
     assert find_exchanged(H[0], {"force": falls, "mid": H[1]}) == "force"
+
+
+def test_a_copy_of_a_run_is_refused(tmp_path):
+    for name in ("1N", "copy"):
+        table(1.0).to_csv(tmp_path / f"{name}.csv", index=False)
+    files = [tmp_path / "1N.csv", tmp_path / "copy.csv"]
+    with pytest.raises(InputError, match="run 'copy' is run '1N' again, in every number"):
+        read_runs(files, SIZE)
+    (left,), _ = read_runs(files, SIZE, Corrections(levels={"copy": None}))
+    assert left.label == "1N"
+
+
+def test_a_mode_found_far_from_where_it_was_asked_for_is_told(tmp_path):
+    """The fit of a level moves a frequency by 4 % at most: it stood at that end, with the standard error of noise."""
+    files = write("csv", tmp_path)[:2]
+    levels = fit_levels(read_runs(files, SIZE)[0], [12.0, 20.6])
+    near = fit_levels(read_runs(files, SIZE)[0], [12.0, 19.0])
+    for level, of in zip(levels, near, strict=True):
+        np.testing.assert_allclose(level.fit.frequency, of.fit.frequency, rtol=1e-5)
+    (told,) = describe_lost(levels, tie_modes(levels, {}, [12.0, 20.6]), [12.0, 20.6])
+    assert told == "caution: the mode stated near 20.6 Hz was found at 19 Hz: is it another one?"

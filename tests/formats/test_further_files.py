@@ -117,7 +117,8 @@ def test_a_workbook(truth, tmp_path, imported):
     np.testing.assert_allclose(record.column("amplitude"), truth.amplitude, rtol=1e-12)
     np.testing.assert_allclose(record.column("phase"), truth.lag, rtol=1e-12)
     path.write_bytes(workbook([["Info", 1.0]], sheet, []))
-    with pytest.raises(InputError, match=r"2 sheets with cells: 1 \(1 x 2\), 2 \(44 x 5\); expected --dataset N"):
+    named = r"2 sheets with cells: 1 'Sheet' \(1 x 2\), 2 'Sheet1' \(44 x 5\); expected --dataset N"
+    with pytest.raises(InputError, match=named):
         imported(path)
     assert len(imported(path, datasets=(2,)).record) == len(lag)
     with pytest.raises(InputError, match="0 sheets with cells"):

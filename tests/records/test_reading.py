@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from damping.errors import InputError
+from damping.records.keys import REQUIRED_COLUMNS
 from damping.records.reading import DEFAULT_MAX_SIZE, read_record, read_table
 from damping.records.record import Record
 
@@ -23,7 +24,8 @@ REFUSED = {
     "white": ("\ufeff \n\t\n", ": the file is empty; expected a file with contents"),
     "blank cells": (
         "\n\n   \n \x0b x",
-        ", line 4: missing columns sweep, force, frequency, amplitude among x; " + NEEDED,
+        f", line 4: missing columns {', '.join(REQUIRED_COLUMNS)} among x "
+        f"(damping import reads other tables); {NEEDED}",
     ),
     "header only": (HEAD, ": no data rows; expected at least one row below the header"),
     "missing": (

@@ -15,7 +15,7 @@ import pandas as pd
 from damping.arrays import BoolArray, ComplexArray, FloatArray, wrap_lag
 from damping.campaign.delays import remove_delay
 from damping.campaign.merged import describe_excess, split_merged
-from damping.campaign.modal_fit import LEAST_T, Level, evaluate_sd, find_peaks_of, fit_level
+from damping.campaign.modal_fit import LEAST_T, MOVED, Level, evaluate_sd, find_peaks_of, fit_level
 from damping.campaign.runs import CampaignRun
 from damping.campaign.sensors import find_bad_sensors, find_misread
 from damping.errors import AnalysisError, InputError
@@ -72,6 +72,8 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
     while not len(frequencies) and not (stays := _keep_place(fits[first].frequency, starts)).all():
         starts = [start for start, kept in zip(starts, stays, strict=True) if kept]
         fits[first] = fit_level(f, H, starts, sign, (), _hold_steady(drive))
+    if len(frequencies) and np.any(np.abs(fits[first].frequency / np.sort(frequencies) - 1.0) > MOVED):
+        fits[first] = fit_level(f, H, list(fits[first].frequency), sign, list(fits[first].ratio), _hold_steady(drive))
     for k in (*range(first + 1, len(runs)), *reversed(range(first))):
         (f, H, drive), near = motions[k], fits[k - 1 if k > first else k + 1]
         fits[k] = fit_level(f, H, list(near.frequency), sign, list(near.ratio), _hold_steady(drive))
@@ -166,9 +168,17 @@ def tie_modes(
 
 
 def describe_lost(levels: Sequence[Level], tied: Sequence[DrivenMode], asked: Sequence[float] = ()) -> list[str]:
-    """Modes that are ``asked`` for, or stand out of the noise at some level, but are none of those ``tied``."""
+    """Modes that are ``asked`` for, or stand out of the noise at some level, but are none of those ``tied``.
+
+    Also those found far from where they were asked for.
+    """
     near = sorted(asked) or levels[0].fit.frequency
-    lost, names, unit = [], levels[0].run.names, levels[0].run.drive_unit
+    lost = [
+        f"caution: the mode stated near {stated:.4g} Hz was found at {found:.4g} Hz: is it another one?"
+        for stated, found in zip(sorted(asked), levels[0].fit.frequency, strict=False)
+        if abs(found / stated - 1.0) > MOVED
+    ]
+    names, unit = levels[0].run.names, levels[0].run.drive_unit
     usable = [tied[0].left_out.get(name, _UNSEEN) == _UNSEEN for name in names]
     for k in set(range(len(levels[0].fit.frequency))) - {mode.number for mode in tied}:
         clear = [np.abs(level.fit.residues[:, k]) > LEAST_T * level.fit.residues_sd[:, k] for level in levels]

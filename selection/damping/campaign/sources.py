@@ -7,6 +7,7 @@ file of any size takes the memory of a block.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +61,7 @@ def read_runs(
         raise InputError("free decays beside sweeps", expected="files of one kind")
     runs = sorted((_drive_in(run, runs[0].drive_unit) for run in runs), key=lambda run: run.level or 0.0)
     summarise_runs(runs, summary)
+    _refuse_copies(runs)
     _compare_labels([run for run in runs if run.label not in stated.levels], summary)
     return keep_common_sensors(runs), summary
 
@@ -74,6 +76,19 @@ def _drive_in(run: CampaignRun, drive_unit: str) -> CampaignRun:
     k = unit(run.drive_unit).factor / unit(drive_unit).factor
     channels = tuple(channel.scaled(1.0 / k) if channel.per_drive else channel for channel in run.channels)
     return replace(run, drive_unit=drive_unit, drive=k * run.drive, level=k * run.level, channels=channels)
+
+
+def _refuse_copies(runs: Sequence[CampaignRun]) -> None:
+    """Raise InputError for a run that repeats another one in every number, as no measurement does."""
+    seen: dict[bytes, str] = {}
+    for run in runs:
+        content = sha256()
+        for column in (run.x, run.x if run.drive is None else run.drive, *(one.samples for one in run.channels)):
+            content.update(column.tobytes())
+        first = seen.setdefault(content.digest(), run.label)
+        if first != run.label:
+            expected = "each run once (--correct FILE.toml: out = true of one)"
+            raise InputError(f"run {run.label!r} is run {first!r} again, in every number", expected=expected)
 
 
 def _compare_labels(runs: Sequence[CampaignRun], summary: Summary) -> None:

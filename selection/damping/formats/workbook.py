@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from damping.errors import AnalysisError, InputError
 from damping.formats.cells import find_decimal, write_plainly
+from damping.records.text import describe_shortened
 
 if TYPE_CHECKING:
     from openpyxl.worksheet._read_only import ReadOnlyWorksheet
@@ -37,9 +38,12 @@ def read_workbook(data: bytes, most: int, chosen: Sequence[int], decimal: str) -
     """
     sheets = list_sheets(data, most, decimal, chosen)
     if len(sheets) != 1:
-        lines = {number: text.splitlines() for (number, _), text in sheets.items()}
-        widths = {number: max(row.count(b"\t") for row in rows) + 1 for number, rows in lines.items()}
-        sizes = ", ".join(f"{number} ({len(rows)} x {widths[number]})" for number, rows in lines.items())
+        lines = {sheet: text.splitlines() for sheet, text in sheets.items()}
+        widths = {sheet: max(row.count(b"\t") for row in rows) + 1 for sheet, rows in lines.items()}
+        sizes = ", ".join(
+            f"{number} {describe_shortened(title)!r} ({len(rows)} x {widths[number, title]})"
+            for (number, title), rows in lines.items()
+        )
         what = f"{len(sheets)} sheets with cells{': ' if sizes else ''}{sizes}"
         raise InputError(what, expected="--dataset N, the number of one with cells")
     return next(iter(sheets.values()))

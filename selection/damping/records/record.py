@@ -196,11 +196,11 @@ def require_columns(
 ) -> None:
     """Raise InputError that names the missing required columns, if any."""
     required = tuple(required)
-    missing = [name for name in required if name not in names]
-    if not missing:
+    if not (missing := [name for name in required if name not in names]):
         return
     hint = describe_separator(names) or describe_meant(missing[0], names, likeness=0.6)
-    hint = hint or (f" among {describe_shortened(', '.join(names), 80)}" if names else "")
+    other = " (damping import reads other tables)" * (missing == list(keys.REQUIRED_COLUMNS))
+    hint = hint or (f" among {describe_shortened(', '.join(names), 80)}{other}" if names else "")
     message = f"missing column{'s' if len(missing) > 1 else ''} {', '.join(missing)}{hint}"
     raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}, separated by commas")
 
