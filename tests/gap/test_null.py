@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from damping.effects import CATALOGUE
+from damping.gap.corrected import effect_values
 from damping.gap.directed import basis, directed_tests, unexplained
 from damping.gap.problem import setting
 from damping.gap.search import search_hypotheses
 from damping.gap.weighing import cover_probability, weigh_hypotheses
+from damping.records.record import Record
 
 GAIN = 0.01
 JITTER = 3e-4
@@ -52,6 +54,19 @@ def test_scatter_that_is_stated_accuses_nobody(lab, scattered, seeds, most):
 def test_scatter_that_is_not_stated_is_estimated_and_accuses_nobody(lab, scattered, seeds, most):
     answers = [found(scattered(seed), lab.mode(None, None)) for seed in seeds]
     assert sum(bool(effects) or left for effects, left in answers) <= most, answers
+
+
+@pytest.mark.parametrize("shift", [0.012, -0.012])
+def test_levels_that_scatter_do_not_hide_a_simple_cause(lab, shift):
+    """A wrong natural frequency, unstated scatter of 3 % and no phase: drift with an offset level, or slip, led."""
+    rows = lab.bench(5, 12).rows
+    gain = np.exp(np.random.default_rng(3).normal(0.0, 0.03, 5))[rows.sweep]
+    true = lab.linear(rows, omega=2.0 * np.pi * lab.mode().frequency * (1.0 + shift), gain=gain)
+    record = Record(lab.record(rows, true, 3).frame.drop(columns=["phase", "phase_sd"]))
+    _, search = search_hypotheses(setting(record, lab.mode(None, None)), CATALOGUE)
+    leading = search.ranked()[0]
+    assert leading.effects == ("natural-frequency",)
+    assert effect_values(leading.best)["natural-frequency"]["relative"] == pytest.approx(shift, abs=0.001)
 
 
 def test_scatter_left_out_makes_honest_simulations_look_guilty(lab, scattered):

@@ -11,9 +11,9 @@ from damping.effects import CATALOGUE
 from damping.gap.fit import ModelFit
 from damping.gap.model import Model, Scatter
 from damping.gap.problem import setting
+from damping.gap.scatter import describe_repeatability
 from damping.gap.search import search_hypotheses
 from damping.gap.size import (
-    describe_repeatability,
     hold_levels_out,
     measure_gap,
     nominal_residuals,
@@ -59,6 +59,29 @@ def test_levels_that_all_lie_to_one_side_are_not_said_to_scatter(lab, gains, tol
     fit = ModelFit(model, y, nothing, nothing, nothing, 0.0, 0.0, nothing)
     said = describe_repeatability(known, fit)
     assert [told in sentence for sentence in said] == [True]
+
+
+@pytest.mark.parametrize(
+    ("gains", "told"),
+    [
+        ((-1.0, -0.5, 0.1, 0.2, 1.2), "rise from level to level with the force, as chance does in one of 60 "),
+        ((1.2, 0.2, 0.1, -0.5, -1.0), "fall from level to level with the force, as chance does in one of 60 "),
+        ((-1.0, 0.1, -0.5, 0.2, 1.2), ""),
+        ((-1.0, 0.2, 0.3, 1.2), ""),  # one record in 12
+    ],
+)
+def test_scatter_in_the_order_of_the_force_is_told(lab, gains, told):
+    """Of n! orders two rise or fall throughout: a force cell that reads more at large force hid in repeatability."""
+    rows = lab.bench(len(gains), 8).rows
+    known = setting(lab.record(rows, lab.linear(rows), 2), lab.mode(None, None))
+    model = Model(known.problem, (), Scatter(0.05, 0.0))
+    y = np.zeros(model.size + 2 * model.sweeps)
+    y[model.size : model.size + model.sweeps] = gains
+    nothing = np.zeros(0)
+    (said,) = describe_repeatability(known, ModelFit(model, y, nothing, nothing, nothing, 0.0, 0.0, nothing))
+    assert "scatter by" in said
+    assert told in said
+    assert ("with the force" in said) == bool(told)
 
 
 @pytest.mark.parametrize(("spread", "alike"), [(0.1, True), (1.5, False)])

@@ -12,7 +12,7 @@ from damping.arrays import FloatArray
 from damping.effects import CATALOGUE
 from damping.errors import AnalysisError
 from damping.forces import Viscous
-from damping.gap import readings, size, weighing
+from damping.gap import readings, scatter, size, weighing
 from damping.gap.ambiguities import list_ambiguities
 from damping.gap.corrected import corrected_mode, list_ends
 from damping.gap.directed import Test, directed_tests, unexplained
@@ -88,7 +88,7 @@ class Diagnosis(Explained):
 
     explanations: tuple[Explanation, ...]  #: the most probable hypotheses, as few as reach ``COVER``
     groups: tuple[Group, ...]  #: effects that cannot be told apart
-    levels: tuple[size.LevelDeviation, ...]  #: deviations of the sweeps that were taken as repeatability
+    levels: tuple[scatter.LevelDeviation, ...]  #: deviations of the sweeps that were taken as repeatability
     #: ``gap``, ``held_out``: see `damping.gap.size`
     gap: size.Gap
     #: ``where``, ``footprint``: see `damping.gap.where`
@@ -180,7 +180,7 @@ def _weigh_search(
     tests = tuple(directed_tests(leading.best))
     understated = readings.measure_scatter(known, leading.best, tests, search.effects)
     in_rows = unexplained(leading.best, tests, search.effects) or known.dispersion > 1.0
-    of_levels = bool(size.describe_repeatability(known, leading.best))
+    of_levels = bool(scatter.describe_repeatability(known, leading.best))
     by_scatter = readings.stands_above(understated, leading.best)
     verdict = weigh_library(
         search,
@@ -229,10 +229,10 @@ def diagnose(
     known, hypotheses, leading = explained.setting, explained.hypotheses, explained.leading
     held_out = size.hold_levels_out(known, explained.search, leading.best, progress)
     gap = size.measure_gap(leading.best)
-    apart = size.describe_repeatability(known, leading.best)
+    apart = scatter.describe_repeatability(known, leading.best)
     doubts = [
         *apart,
-        *size.describe_scatter(known, leading.best),
+        *scatter.describe_scatter(known, leading.best),
         *readings.describe_far_readings(leading.best),
         *readings.describe_noise(known, leading.best, explained.understated),
         *chain.from_iterable(readings.describe_rounding(own) for own in (record, *(state for state, _ in states))),
@@ -247,7 +247,7 @@ def diagnose(
         groups=weighing.group_equivalent_effects(
             [explanation.hypothesis for explanation in hypotheses], explained.search.effects
         ),
-        levels=size.list_levels(leading.best),
+        levels=scatter.list_levels(leading.best),
         gap=gap,
         where=residual_cells(leading.best),
         footprint=footprint_cells(leading.best),

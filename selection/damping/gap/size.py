@@ -17,13 +17,10 @@ from damping.gap.fit import ModelFit, fit_model
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.model import Model, Problem, deviated
 from damping.gap.problem import Setting
+from damping.gap.scatter import OUTLYING
 from damping.gap.search import Search
 from damping.progress import Advance, Progress, silent
 
-#: Deviation of a sweep, in units of repeatability, from which it is outlying: one in a thousand sweeps.
-OUTLYING = 3.3
-#: Range of deviations within each state, over that of the states' means, below which a state deviates as a whole.
-AGREEING = 0.25
 MOST_FOLDS = 3  #: most levels held out, the highest first
 #: An explanation fails where it closes at least the first share of the gap of the record, at most the second held out.
 _CLOSED = 0.8
@@ -122,75 +119,6 @@ def whitened(r: FloatArray, C: FloatArray) -> FloatArray:
     """
     U, S, _ = np.linalg.svd(C, full_matrices=False)
     return np.asarray(r - U @ ((1.0 - 1.0 / np.sqrt(1.0 + S**2)) * (U.T @ r)))
-
-
-@dataclass(frozen=True)
-class LevelDeviation:
-    """Deviations of one sweep ascribed to repeatability: of gain and frequency, relative and in units of their sd."""
-
-    sweep: str
-    gain: float
-    gain_sigma: float
-    frequency: float
-    frequency_sigma: float
-
-
-def list_levels(fit: ModelFit) -> tuple[LevelDeviation, ...]:
-    """The deviations of every sweep at a fit."""
-    model = fit.model
-    deviations = fit.y[model.size :].reshape(2, model.sweeps)
-    gain, frequency = np.expm1(deviations.T * (model.scatter.amplitude, model.scatter.frequency)).T
-    columns = (column.tolist() for column in (gain, deviations[0], frequency, deviations[1]))
-    return tuple(LevelDeviation(*of_sweep) for of_sweep in zip(model.problem.rows.sweeps, *columns, strict=True))
-
-
-def describe_repeatability(setting: Setting, fit: ModelFit) -> list[str]:
-    """Cautions about deviations of sweeps: outlying levels, and estimates at the edge of their grid."""
-    repeatability = [
-        f"{name} deviates: its {what} by {size:+z.2%}, {sigma:.1f} sigma of repeatability"
-        for what, field in (("readings", "gain"), ("frequency", "frequency"))
-        for size, name, sigma in _list_deviations(fit, field)
-        if sigma > OUTLYING
-    ]
-    hidden = "the upper limit of usual repeatability, {}: it may hide a fault of one level, or another cause"
-    return repeatability + _describe_scatters(setting, fit, 1, hidden)
-
-
-def _list_deviations(fit: ModelFit, field: str) -> list[tuple[float, str, float]]:
-    """Size, name and |sigma| of the deviation of every sweep, smallest first; of every state if its sweeps agree."""
-    levels, rows = list_levels(fit), fit.model.problem.rows
-    sizes, sigmas = np.array([(getattr(level, field), getattr(level, f"{field}_sigma")) for level in levels]).T
-    of_state = np.array([int(rows.state[run[0]]) for run in rows.runs])
-    states = [(f"every sweep of state {number + 1}", of_state == number) for number in np.unique(of_state)]
-    means = [float(sizes[own].mean()) for _, own in states]
-    widest = max(float(np.ptp(sizes[own])) for _, own in states)
-    if not (1 < len(states) < len(levels) and widest < AGREEING * np.ptp(means)):
-        states, means = [(f"sweep {name}", np.array([k])) for k, name in enumerate(rows.sweeps)], sizes.tolist()
-    return sorted(
-        (mean, name, float(np.abs(sigmas[own]).max())) for mean, (name, own) in zip(means, states, strict=True)
-    )
-
-
-def describe_scatter(setting: Setting, fit: ModelFit) -> list[str]:
-    """Cautions about repeatability of gain or frequency one step below the edge, which one rig in ten reaches."""
-    taken = "{}, which was taken as repeatability; if the rig is known to repeat better, another cause is hidden there"
-    return _describe_scatters(setting, fit, 2, taken)
-
-
-def _describe_scatters(setting: Setting, fit: ModelFit, rank: int, ending: str) -> list[str]:
-    """Cautions for gain and frequency with the ``rank``-th largest scatter tried; ``ending`` formats the span."""
-    fitted, tried = fit.model.scatter, np.transpose(setting.unknowns.scatters)
-    of_kinds = (("readings", "gain", fitted.amplitude), ("frequencies", "frequency", fitted.frequency))
-    scatters = []
-    for (what, name, scatter), sizes in zip(of_kinds, map(np.unique, tried), strict=True):
-        if len(sizes) > 1 and np.isclose(scatter, sizes[-rank], rtol=1e-6):
-            first, *_, last = _list_deviations(fit, name)
-            span = f"from {first[0]:+.2%} in {first[1]} to {last[0]:+.2%} in {last[1]}"
-            span += ", as if the mass or frequency of a state were not as stated" * first[1].startswith("every")
-            side = "above" if first[0] > 0.0 else "below"
-            lie = "scatter by" if first[0] * last[0] <= 0.0 else f"are all {side} the fit, with a repeatability of"
-            scatters.append(f"the {what} of the levels {lie} {scatter:.2%}, {ending.format(span)}")
-    return scatters
 
 
 @dataclass(frozen=True)
