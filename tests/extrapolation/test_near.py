@@ -12,9 +12,9 @@ from benchmarks._structures import CANDIDATES, simulated_levels, structures
 from damping.errors import AnalysisError
 from damping.extrapolation import extrapolate_loads, leave_higher_levels_out
 from damping.extrapolation.backbone import observe_backbone
-from damping.extrapolation.levels import BISTABLE, CHANGES, EXPECTED, read_resonances, trend
+from damping.extrapolation.levels import BISTABLE, EXPECTED, REPORTED, read_resonances, trend
 from damping.extrapolation.plan import judge_rows, plan_loads
-from damping.extrapolation.prepared import NEAR, describe_rests, near_resonance, without_offset
+from damping.extrapolation.prepared import NEAR, describe_weights, near_resonance, without_offset
 from damping.forces import CubicStiffness, Displacement, Slip, Sum, VelocitySquared, Viscous
 from damping.infer.best_fit import BestFit, fit_laws
 from damping.infer.doubt import JOINTS, JointEvidence
@@ -163,7 +163,7 @@ def test_change_at_the_top(p_last, says, peaks):
     F = np.array([1.0, 2.0, 4.0])
     A = np.array([1.0, 2.0, 2.0 * 2.0 ** (1.0 / p_last)])
     found = trend(peaks(A, F, 10.0), 0.02)
-    assert abs(found.z) > CHANGES
+    assert abs(found.z) > REPORTED
     assert getattr(found, says)
 
 
@@ -181,8 +181,8 @@ def test_a_constant_exponent_seems_to_change_in_one_test_of_twenty(levels, scatt
     """Of 400 at most 33: 5 % and three standard errors."""
     F, rng = np.geomspace(1.0, 3.0, levels), np.random.default_rng(levels)
     z = [trend(peaks(F * np.exp(scatter * rng.standard_normal(levels)), F, 10.0), 0.01, EXPECTED).z for _ in range(400)]
-    assert np.sum(np.array(z) > CHANGES) <= 33
-    assert np.sum(np.array(z) < -CHANGES) <= 33
+    assert np.sum(np.array(z) > REPORTED) <= 33
+    assert np.sum(np.array(z) < -REPORTED) <= 33
 
 
 @pytest.mark.parametrize(("levels", "scatter", "found"), [(5, 0.003, 0.85), (6, 0.003, 0.95), (6, 0.01, 0.65)])
@@ -499,10 +499,10 @@ def test_a_sweep_that_peaks_beside_its_resonance_is_said_where_no_law_fits():
 def test_peaks_within_a_few_per_cent_are_said_to_be_one_level():
     """Three peaks whose forces differ by up to 3 %: no sweep along which a frequency changes."""
     force = np.array([1.0, 1.02, 1.03])
-    (said,) = describe_rests(peaks(force, force), 3)
+    (said,) = describe_weights(peaks(force, force), 3)
     assert said.startswith("one level (3 sweeps within 10 % of one another) does not show how")
     assert "along a sweep" not in said
-    assert not describe_rests(peaks(np.array([1.0, 1.02, 1.5]), force), 3)
+    assert not describe_weights(peaks(np.array([1.0, 1.02, 1.5]), force), 3)
 
 
 def test_a_level_read_wrong_is_said_and_excludes_no_law(swept):

@@ -82,11 +82,11 @@ class Extrapolation:
     levels: FloatArray
     spreads: tuple[Spread, ...]  #: draws of each member at the requested forces, then at ``levels``
 
-    def predict_at(self, forces: np.ndarray, *, each: bool = False, still: bool = False) -> Loads:
-        """Predictions at other forces (forces,) from the same draws; ``each``, ``still``: see `predict`."""
+    def predict_at(self, forces: np.ndarray, *, each: bool = False, to_invert: bool = False) -> Loads:
+        """Predictions at other forces (forces,) from the same draws; ``each``, ``to_invert``: see `predict`."""
         known = (self.plan.data, self.loads.level, self.seed, self.plan, find_repeatability(self.mode))
         blocks = np.array_split(forces, max(1, -(-len(forces) // AT_ONCE)))
-        return join_rows([predict(self.members, block, *known, each=each, still=still) for block in blocks])
+        return join_rows([predict(self.members, block, *known, each=each, to_invert=to_invert) for block in blocks])
 
     @cached_property
     def with_other_priors(self) -> pd.DataFrame:

@@ -11,13 +11,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import groupby
-from typing import Any
 
 import numpy as np
 from scipy.special import logsumexp, ndtr, ndtri
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
-from damping.extrapolation.loosening import Loosening, find_change, list_shapes
+from damping.extrapolation.loosening import Change, Constant, Loosening, list_shapes
 from damping.forces.contract import Force
 from damping.infer.doubt import FREQUENCY_SCATTER
 from damping.infer.observations import Observations
@@ -162,26 +161,26 @@ class Backbone:
         return replace(self, mass=self.mass * self.omega**2).mass_at(amplitude)
 
     @cached_property
-    def _regressions(self) -> list[tuple[list[Any], float, FloatArray, FloatArray, FloatArray]]:
-        """Shapes of one kind, knee of y, and of `_regress`: log evidence, with that of the prior, b, covariance."""
+    def _regressions(self) -> list[tuple[list[Change], float, FloatArray, FloatArray, FloatArray]]:
+        """Each kind of change: its shapes, the knee of y, and the results of `_regress`, prior odds in the evidence."""
         top, lowest = float(self.amplitude.max()), np.log(self.omega[np.argmin(self.amplitude)])
         risen = 2.0 * (np.log(self.omega) - lowest)
         regressions = []
         for kind, entries in groupby(list_shapes(), key=lambda entry: type(entry[0])):
             listed = list(entries)
-            at_levels = np.array([find_change(self.amplitude / top, shape) for shape, _ in listed])
+            at_levels = np.array([change(self.amplitude / top) for change, _ in listed])
             knee = -MOST_LOST if kind is Loosening else 0.0  # y is omega^2 from here on, ln omega^2 below
             edge = np.log1p(knee)
             y = np.expm1(np.maximum(risen, edge)) + (1.0 + knee) * np.minimum(risen - edge, 0.0)
             per_scatter = 2.0 * np.exp(np.maximum(risen, edge))  # dy/d ln omega
-            sizes = np.array([0.0] if listed[0][0] is None else CHANGES)
+            sizes = np.array([0.0] if kind is Constant else CHANGES)
             scaled = at_levels / per_scatter, 1.0 / per_scatter, y / per_scatter
             z, b, covariance = _regress(*scaled, sizes, self._scatters)
             if kind is Loosening:  # half a normal prior: joints do not stiffen
                 z = np.where(b[..., 1] < 0.0, z + np.log(2.0), -np.inf)
             priors = np.array([prior for _, prior in listed]) / len(sizes)
             z = z + np.log(priors)[:, None, None]
-            regressions.append(([shape for shape, _ in listed], knee, z, b, covariance))
+            regressions.append(([change for change, _ in listed], knee, z, b, covariance))
         return regressions
 
     @property
@@ -194,10 +193,10 @@ class Backbone:
         top, lowest = float(self.amplitude.max()), np.log(self.omega[np.argmin(self.amplitude)])
         cutoff = max(float(z.max()) for _, _, z, _, _ in self._regressions) + np.log(NEGLIGIBLE)
         log_z, means, variances = [], [], []
-        for shapes, knee, z, b, covariance in self._regressions:
+        for changes, knee, z, b, covariance in self._regressions:
             which, size, scatter = np.nonzero(z > cutoff)
             b, (var_0, cov, var_1) = b[which, size, scatter], covariance[:, which, size, scatter, None]
-            x = np.array([find_change(amplitude / top, shape) for shape in shapes])[which]
+            x = np.array([change(amplitude / top) for change in changes])[which]
             mean, variance = b[:, :1] + b[:, 1:] * x, var_0 + x * (2.0 * cov + x * var_1)
             log_z.append(z[which, size, scatter])
             below = np.minimum(mean - knee, 0.0) / (1.0 + knee)

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from typing import TypeAlias
 
 import numpy as np
 
@@ -20,6 +21,15 @@ LARGEST_LIMITS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 CONSTANT = 0.1
 #: Prior odds of powers, joints of one limit and joints of many limits: bolted joints hardly ever have one limit.
 OF_KINDS = (6.0, 1.0, 2.0)
+
+
+@dataclass(frozen=True)
+class Constant:
+    """No change."""
+
+    def __call__(self, x: FloatArray) -> FloatArray:
+        """Zeros."""
+        return np.zeros(len(x))
 
 
 @dataclass(frozen=True)
@@ -45,6 +55,9 @@ class Loosening:
         return np.asarray(self.lost(x / self.limit) / self.lost(np.array(1.0 / self.limit)) - 1.0)
 
 
+Change: TypeAlias = Constant | Power | Loosening  #: of the resonance since x = 1, at x (rows,)
+
+
 def _lose_of_one(x: FloatArray) -> FloatArray:
     """Stiffness lost by one joint, -S/(k A) of `damping.forces.joints.Slip`."""
     return -np.asarray(lose_stiffness(1.0 / np.maximum(x, 1.0))[0])
@@ -58,20 +71,15 @@ def _lose_of_many(x: FloatArray) -> FloatArray:
 
 
 @cache
-def list_shapes() -> list[tuple[Power | Loosening | None, float]]:
-    """Every shape, None for a constant, with its prior probability."""
-    kinds: tuple[list[Power | Loosening], ...] = (
+def list_shapes() -> list[tuple[Change, float]]:
+    """Every shape with its prior probability."""
+    kinds: tuple[list[Change], ...] = (
         [Power(exponent) for exponent in POWERS],
         [Loosening(limit, _lose_of_one) for limit in LIMITS],
         [Loosening(limit, _lose_of_many) for limit in LARGEST_LIMITS],
     )
     shares = (1.0 - CONSTANT) * np.array(OF_KINDS) / sum(OF_KINDS)
     return [
-        (None, CONSTANT),
+        (Constant(), CONSTANT),
         *((shape, share / len(kind)) for kind, share in zip(kinds, shares, strict=True) for shape in kind),
     ]
-
-
-def find_change(x: FloatArray, shape: Power | Loosening | None) -> FloatArray:
-    """Change of a shape since x = 1, (rows,); 0 if the shape is None."""
-    return np.zeros(len(x)) if shape is None else shape(x)

@@ -40,8 +40,8 @@ def near_resonance(record: Record) -> Observations:
     return data if one_telling else at_resonance(data)
 
 
-def describe_rests(data: Observations, rows: int) -> tuple[str, ...]:
-    """Where weights rest on fewer than the ``rows`` that a ranking has, and what one level does not tell."""
+def describe_weights(data: Observations, rows: int) -> tuple[str, ...]:
+    """That weights are based on fewer rows than the ``rows`` of a ranking, and what one level does not show."""
     on = "resonances of the sweeps, because rows of one sweep share its error"
     on = on if len(data.A) == len(data.sweeps) else "rows between the half-power points"
     fewer = f"weights are those of the laws on the {on}; a ranking weighs them on every row"
@@ -113,7 +113,7 @@ class PreparedRecord:
     @property
     def notes_of_loads(self) -> tuple[str, ...]:
         """``notes``, and which rows the weights of predicted loads are based on."""
-        return (*self.notes, *describe_rests(self.data, len(self.measured.record)))
+        return (*self.notes, *describe_weights(self.data, len(self.measured.record)))
 
 
 def prepare_record(record: Record, mode: Mode | None, findings: Audit) -> PreparedRecord:
