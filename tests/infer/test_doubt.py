@@ -21,9 +21,9 @@ from damping.infer.doubt import (
     OTHER_SHARES,
     SLOPES,
     SLOWER,
-    STEADY,
     STEEPER,
     UNTOLD,
+    WITHOUT_JOINT,
     JointEvidence,
     extend,
     find_joint,
@@ -158,7 +158,7 @@ def test_a_joint_strays_farther_and_a_damper_less_far_upwards():
     far = LETS_GO * (1.0 / JOINTS - 1.0) * (1.0 - np.exp(-1.0 / LENGTH))  # what is left to a joint that is certain
     certain = [(fall, 1.0, share * far) for fall, share in ((-1.0, 0.0), (0.1, 0.2), (0.7, 1.0), (4.0, 0.25))]
     untold = UNTOLD * (1.0 - 0.7) / BENT * (1.0 - np.exp(-1.0 / LENGTH))  # no resonance tells
-    for fall, up, least in (*certain, (np.nan, 1.0, untold), (0.0, 1.0 / STEADY, 0.0)):
+    for fall, up, least in (*certain, (np.nan, 1.0, untold), (0.0, 1.0 / WITHOUT_JOINT, 0.0)):
         joint = JointEvidence(float(up == 1.0), fall, informative=True) if np.isfinite(fall) else JointEvidence()
         for stray_slope, factor in ((1e-5, STEEPER * up), (-1e-5, 1.0)):
             near, beyond = np.log(np.diff(extend(0.7 * z[None], stray_slope * z[None], z, joint)[0]) / 0.7)

@@ -54,9 +54,9 @@ OTHER_FALLS = np.array([0.03, 0.3, 3.0, 30.0])
 OTHER_SHARES = np.array([0.7, 0.1, 0.1, 0.1])
 #: Prior median of the relative scatter of a measured resonance frequency, with the weight of one level.
 FREQUENCY_SCATTER = 3e-4
-#: Where a joint is excluded, upward straying is smaller by this factor: above 1.4 a damper that saturates exceeds the
+#: Factor by which upward straying is smaller where a joint is excluded: above 1.4 a damper that saturates exceeds the
 #: band in a fifth of trials.
-STEADY = 1.3
+WITHOUT_JOINT = 1.3
 #: Least standard deviation of ln slope, far beyond the test, for a joint about to slip fully, times posterior over
 #: prior probability of a joint less 1. Straying is widened where the levels give less.
 LETS_GO = 0.45
@@ -260,7 +260,7 @@ def extend(
             np.nan_to_num(np.diff(log_A, axis=1) / step, nan=np.inf), SLOPES[0], OF_FRICTION if of_decay else SLOPES[1]
         )
     delta = np.diff(strays, axis=1) / step
-    grown = np.where(delta > 0.0, STEEPER * STEADY ** min(lean, 0.0), 1.0) * delta / q
+    grown = np.where(delta > 0.0, STEEPER * WITHOUT_JOINT ** min(lean, 0.0), 1.0) * delta / q
     if lets_go:
         near = np.interp(joint.fall, [0.0, *FALLS_AT_GO], [0.0, 1.0, 1.0]) / max(joint.fall / FALLS_AT_GO[1], 1.0)
         bent = np.minimum(np.abs(q[:, :1] - 1.0) / BENT, 1.0)
