@@ -27,7 +27,6 @@ from damping.infer.doubt import (
     JointEvidence,
     extend,
     find_joint,
-    find_root,
     nonlinearity,
     place_steps,
     read_path,
@@ -197,10 +196,3 @@ def test_likelihood_is_the_dense_normal_one():
         H = np.eye(3)[data.sweep] * h[i][:, None]
         covariance = np.diag(c.scatter(x)[0][i] ** 2 + known[i]) + H @ shared[i] @ H.T
         np.testing.assert_allclose(value, multivariate_normal.logpdf(n[i], cov=covariance), rtol=1e-9)
-
-
-def test_errors_of_single_levels_need_no_factor_of_all():
-    """The factor of a diagonal covariance, to the bits; else that of the whole."""
-    own = np.random.default_rng(1).uniform(0.1, 2.0, (3, 4))[:, None] * np.eye(4)
-    for noise in (own, own + 0.5):
-        np.testing.assert_array_equal(find_root(noise), np.linalg.cholesky(noise))

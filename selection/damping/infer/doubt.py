@@ -160,22 +160,12 @@ def stray(
     step = max(1, _MOST_COVARIANCES // len(at) ** 2)
     for part in (slice(first, first + step) for first in range(0, number, step)):
         own, size = noise(part), sigma[part, None]
-        errors = (find_root(own) @ random[part])[..., 0]
+        errors = (np.linalg.cholesky(own) @ random[part])[..., 0]
         square = (size**2)[..., None] * of_levels + own
         wanted = np.stack([left[part], left[part] - size * levels[part] - errors], axis=-1)
         gained[part] = to_levels @ np.linalg.solve(square, wanted) * (size**2)[..., None]
     gained[..., 1] += drawn
     return gained[..., 0], gained[..., 1]
-
-
-def find_root(noise: FloatArray) -> FloatArray:
-    """Cholesky factors of covariances (draws, levels, levels), at once where levels have errors of their own alone."""
-    own = np.einsum("dll->dl", noise)
-    if np.count_nonzero(noise) > np.count_nonzero(own):
-        return np.asarray(np.linalg.cholesky(noise))
-    root = np.zeros_like(noise)
-    np.einsum("dll->dl", root)[:] = np.sqrt(own)
-    return root
 
 
 @lru_cache(maxsize=16)  # shared by all laws on a record
