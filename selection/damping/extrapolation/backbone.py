@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import logsumexp, ndtr, ndtri
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
-from damping.extrapolation.loosening import Change, Constant, Loosening, list_shapes
+from damping.extrapolation.loosening import Change, Constant, Loosening, list_changes
 from damping.forces.contract import Force
 from damping.infer.doubt import FREQUENCY_SCATTER
 from damping.infer.observations import Observations
@@ -82,7 +82,7 @@ class Backbone:
 
     omega^2 is constant, or linear in a power of amplitude or in the stiffness that joints have lost, as springs and
     joints make it. Where it falls with a power, ln omega^2 is linear instead, so that stiffness stays positive. A
-    Bayesian linear regression for each of `list_shapes`, ``CHANGES`` and scatters is averaged by evidence.
+    Bayesian linear regression for each of `list_changes`, ``CHANGES`` and scatters is averaged by evidence.
     """
 
     amplitude: FloatArray  #: of the tested resonances, (sweeps,)
@@ -162,11 +162,11 @@ class Backbone:
 
     @cached_property
     def _regressions(self) -> list[tuple[list[Change], float, FloatArray, FloatArray, FloatArray]]:
-        """Each kind of change: its shapes, the knee of y, and the results of `_regress`, prior odds in the evidence."""
+        """Of each kind: the changes, the knee of y, and from `_regress` log evidence (with prior), b, covariance."""
         top, lowest = float(self.amplitude.max()), np.log(self.omega[np.argmin(self.amplitude)])
         risen = 2.0 * (np.log(self.omega) - lowest)
         regressions = []
-        for kind, entries in groupby(list_shapes(), key=lambda entry: type(entry[0])):
+        for kind, entries in groupby(list_changes(), key=lambda entry: type(entry[0])):
             listed = list(entries)
             at_levels = np.array([change(self.amplitude / top) for change, _ in listed])
             knee = -MOST_LOST if kind is Loosening else 0.0  # y is omega^2 from here on, ln omega^2 below

@@ -49,7 +49,7 @@ class Trend:
         return float(np.clip(np.nan_to_num(-self.z) / (0.5 * REPORTED) - 1.0, 0.0, 1.0))
 
 
-def trend(data: Observations, scatter: float, expected: tuple[float, float] | None = None) -> Trend:
+def find_trend(data: Observations, scatter: float, expected: tuple[float, float] | None = None) -> Trend:
     """Local exponents of the tested resonances, repeats of a level averaged.
 
     Args:

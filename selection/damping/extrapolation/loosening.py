@@ -71,8 +71,8 @@ def _lose_of_many(x: FloatArray) -> FloatArray:
 
 
 @cache
-def list_shapes() -> list[tuple[Change, float]]:
-    """Every shape with its prior probability."""
+def list_changes() -> list[tuple[Change, float]]:
+    """Every change of the resonance that is averaged over, with its prior probability."""
     kinds: tuple[list[Change], ...] = (
         [Power(exponent) for exponent in POWERS],
         [Loosening(limit, _lose_of_one) for limit in LIMITS],

@@ -144,7 +144,7 @@ def predict(
         level=level,
         average=average,
         by_model=tuple(bands),
-        parts={name: np.where(predicted, part, np.nan) for name, part in _find_parts(draws, weights).items()},
+        parts={name: np.where(predicted, part, np.nan) for name, part in _split_variance(draws, weights).items()},
         linear=linear,
         ratio=ratio,
         cautions=tuple(
@@ -158,7 +158,7 @@ def predict(
 
 
 @np.errstate(invalid="ignore")  # laws with infinite amplitudes are infinitely far apart
-def _find_parts(draws: Sequence[Draws], weights: FloatArray) -> dict[str, FloatArray]:
+def _split_variance(draws: Sequence[Draws], weights: FloatArray) -> dict[str, FloatArray]:
     """Standard deviations in per cent by the law of total variance, each (forces,)."""
     mean, within, stray, noise = map(np.array, zip(*map(_find_moments, draws), strict=True))
     variances = {

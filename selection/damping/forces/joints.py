@@ -120,10 +120,6 @@ class Slip(SlippingForce):
         """A1/A, 1 while the joint sticks."""
         return self.limit / np.maximum(A, self.limit)
 
-    def quadrature(self, A: Floats, omega: Floats) -> Floats:
-        """C: see `averages`."""
-        return spread(self.scale(A, omega) * (1.0 - self._held(A)), omega)
-
     def scale(self, A: Floats, omega: Floats) -> Floats:
         """The saturation 4 k A1/pi: C is zero while the joint sticks."""
         return np.asarray(4.0 * self.stiffness * self.limit / pi)
