@@ -7,16 +7,15 @@ the tested resonances.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import groupby
 
 import numpy as np
 from scipy.special import logsumexp, ndtr, ndtri
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
-from damping.extrapolation.loosening import Change, Constant, Loosening, list_changes
+from damping.extrapolation.loosening import NO_CHANGE, Change, Loosening, list_kinds
 from damping.forces.contract import Force
 from damping.infer.doubt import FREQUENCY_SCATTER
 from damping.infer.observations import Observations
@@ -82,7 +81,7 @@ class Backbone:
 
     omega^2 is constant, or linear in a power of amplitude or in the stiffness that joints have lost, as springs and
     joints make it. Where it falls with a power, ln omega^2 is linear instead, so that stiffness stays positive. A
-    Bayesian linear regression for each of `list_changes`, ``CHANGES`` and scatters is averaged by evidence.
+    Bayesian linear regression for each change (`list_kinds`), size (``CHANGES``) and scatter is averaged by evidence.
     """
 
     amplitude: FloatArray  #: of the tested resonances, (sweeps,)
@@ -161,26 +160,25 @@ class Backbone:
         return replace(self, mass=self.mass * self.omega**2).mass_at(amplitude)
 
     @cached_property
-    def _regressions(self) -> list[tuple[list[Change], float, FloatArray, FloatArray, FloatArray]]:
+    def _regressions(self) -> list[tuple[Sequence[Change], float, FloatArray, FloatArray, FloatArray]]:
         """Of each kind: the changes, the knee of y, and from `_regress` log evidence (with prior), b, covariance."""
         top, lowest = float(self.amplitude.max()), np.log(self.omega[np.argmin(self.amplitude)])
         risen = 2.0 * (np.log(self.omega) - lowest)
         regressions = []
-        for kind, entries in groupby(list_changes(), key=lambda entry: type(entry[0])):
-            listed = list(entries)
-            at_levels = np.array([change(self.amplitude / top) for change, _ in listed])
-            knee = -MOST_LOST if kind is Loosening else 0.0  # y is omega^2 from here on, ln omega^2 below
+        for changes, priors in list_kinds():
+            at_levels = np.array([change(self.amplitude / top) for change in changes])
+            of_joints = isinstance(changes[0], Loosening)
+            knee = -MOST_LOST if of_joints else 0.0  # y is omega^2 from here on, ln omega^2 below
             edge = np.log1p(knee)
             y = np.expm1(np.maximum(risen, edge)) + (1.0 + knee) * np.minimum(risen - edge, 0.0)
             per_scatter = 2.0 * np.exp(np.maximum(risen, edge))  # dy/d ln omega
-            sizes = np.array([0.0] if kind is Constant else CHANGES)
+            sizes = np.array([0.0] if changes[0] is NO_CHANGE else CHANGES)
             scaled = at_levels / per_scatter, 1.0 / per_scatter, y / per_scatter
             z, b, covariance = _regress(*scaled, sizes, self._scatters)
-            if kind is Loosening:  # half a normal prior: joints do not stiffen
+            if of_joints:  # half a normal prior: joints do not stiffen
                 z = np.where(b[..., 1] < 0.0, z + np.log(2.0), -np.inf)
-            priors = np.array([prior for _, prior in listed]) / len(sizes)
-            z = z + np.log(priors)[:, None, None]
-            regressions.append(([change for change, _ in listed], knee, z, b, covariance))
+            z = z + np.log(priors / len(sizes))[:, None, None]
+            regressions.append((changes, knee, z, b, covariance))
         return regressions
 
     @property

@@ -49,13 +49,18 @@ class Trend:
         return float(np.clip(np.nan_to_num(-self.z) / (0.5 * REPORTED) - 1.0, 0.0, 1.0))
 
 
+def expect_scatter(stated: float) -> tuple[float, float]:
+    """Prior scatter by which a change of p is judged, and the degrees of freedom it is worth; ``stated``: 0 if none."""
+    return (stated, CERTAIN) if stated > LARGEST_SCATTER else EXPECTED
+
+
 def find_trend(data: Observations, scatter: float, expected: tuple[float, float] | None = None) -> Trend:
     """Local exponents of the tested resonances, repeats of a level averaged.
 
     Args:
         scatter: relative scatter of one sweep's resonant amplitude; for a decay, of its force.
-        expected: prior scatter by which a change is judged, and the degrees of freedom it is worth; by default
-            ``scatter``, as known. The scatter of a fit of laws is no such prior: it may contain the change.
+        expected: as of `expect_scatter`; by default ``scatter``, as known. The scatter of a fit of laws may contain the
+            change.
     """
     levels, of_decay = data.levels, data.amplitude_is_input
     count = np.bincount(levels)

@@ -1,6 +1,6 @@
 """Shapes of the change of resonance with amplitude, powers or joints that lose stiffness, and their prior odds."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TypeAlias
@@ -21,15 +21,8 @@ LARGEST_LIMITS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 CONSTANT = 0.1
 #: Prior odds of powers, joints of one limit and joints of many limits: bolted joints hardly ever have one limit.
 OF_KINDS = (6.0, 1.0, 2.0)
-
-
-@dataclass(frozen=True)
-class Constant:
-    """No change."""
-
-    def __call__(self, x: FloatArray) -> FloatArray:
-        """Zeros."""
-        return np.zeros(len(x))
+Change: TypeAlias = Callable[[FloatArray], FloatArray]  #: of the resonance since x = 1, at x (rows,)
+NO_CHANGE: Change = np.zeros_like
 
 
 @dataclass(frozen=True)
@@ -55,9 +48,6 @@ class Loosening:
         return np.asarray(self.lost(x / self.limit) / self.lost(np.array(1.0 / self.limit)) - 1.0)
 
 
-Change: TypeAlias = Constant | Power | Loosening  #: of the resonance since x = 1, at x (rows,)
-
-
 def _lose_of_one(x: FloatArray) -> FloatArray:
     """Stiffness lost by one joint, -S/(k A) of `damping.forces.joints.Slip`."""
     return -np.asarray(lose_stiffness(1.0 / np.maximum(x, 1.0))[0])
@@ -71,15 +61,14 @@ def _lose_of_many(x: FloatArray) -> FloatArray:
 
 
 @cache
-def list_changes() -> list[tuple[Change, float]]:
-    """Every change of the resonance that is averaged over, with its prior probability."""
-    kinds: tuple[list[Change], ...] = (
-        [Power(exponent) for exponent in POWERS],
-        [Loosening(limit, _lose_of_one) for limit in LIMITS],
-        [Loosening(limit, _lose_of_many) for limit in LARGEST_LIMITS],
-    )
-    shares = (1.0 - CONSTANT) * np.array(OF_KINDS) / sum(OF_KINDS)
+def list_kinds() -> list[tuple[Sequence[Change], FloatArray]]:
+    """For each kind of change, none, by a power or by joints: its changes, and the prior probability of each."""
+    powers, one_limit, many_limits = (1.0 - CONSTANT) * np.array(OF_KINDS) / sum(OF_KINDS)
+    joints = [Loosening(limit, _lose_of_one) for limit in LIMITS]
+    looser = [Loosening(limit, _lose_of_many) for limit in LARGEST_LIMITS]
+    of_joints = [*[one_limit / len(joints)] * len(joints), *[many_limits / len(looser)] * len(looser)]
     return [
-        (Constant(), CONSTANT),
-        *((shape, share / len(kind)) for kind, share in zip(kinds, shares, strict=True) for shape in kind),
+        ([NO_CHANGE], np.array([CONSTANT])),
+        ([Power(exponent) for exponent in POWERS], np.full(len(POWERS), powers / len(POWERS))),
+        ([*joints, *looser], np.array(of_joints)),
     ]

@@ -13,15 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from damping.arrays import BoolArray, Floats
-from damping.extrapolation.levels import (
-    CERTAIN,
-    EXPECTED,
-    LARGEST_SCATTER,
-    Trend,
-    describe_state,
-    find_trend,
-    read_resonances,
-)
+from damping.extrapolation.levels import Trend, describe_state, expect_scatter, find_trend, read_resonances
 from damping.infer.best_fit import BestFit, fit_law, fit_laws
 from damping.infer.doubt import ANY_JOINT, JOINTS, JointEvidence
 from damping.infer.evidence import Estimate, evidence
@@ -95,7 +87,7 @@ def plan_loads(
     stated = float(np.sqrt(find_repeatability(mode) ** 2 + np.mean(data.sd_amplitude**2 + data.sd_force**2)))
     few = data.levels.max() + 1 < ENOUGH_LEVELS
     bistable, joint = read_resonances(data, mode) if mode else ("", ANY_JOINT)
-    exponents = find_trend(data, float(np.median(scatter)), (stated, CERTAIN) if stated > LARGEST_SCATTER else EXPECTED)
+    exponents = find_trend(data, float(np.median(scatter)), expect_scatter(stated))
     if joint.informative and joint.probability < JOINTS:
         joint = joint._replace(failing=exponents.failing)
     return Plan(
