@@ -59,7 +59,7 @@ class Member:
         return self.backbone.solve(damping, force, omega)
 
     def thin(self) -> Member:
-        """The member with draws evenly chosen in order of straying, its share of ``AVERAGE_DRAWS`` in number.
+        """The member with draws evenly chosen in order of straying, as many as its share of ``AVERAGE_DRAWS``.
 
         In that order the points of :func:`damping.infer.doubt.stray` fill the paths of draws that stray similarly.
         """
