@@ -8,7 +8,7 @@ import pytest
 
 import damping as dp
 from damping.extrapolation.curve import DRAWN, list_drawn_amplitudes
-from damping.extrapolation.levels import trend
+from damping.extrapolation.levels import find_trend
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import observe
 from damping.records.record import Record
@@ -90,7 +90,7 @@ def test_nothing_is_claimed_of_a_force_that_a_decay_does_not_reach(friction):
 def test_trend_of_a_decay_is_of_force_over_amplitude(kind, p):
     """A force that is the same at every amplitude has the exponent 0, where ln A(ln F) has none."""
     amplitude = np.array([8.0, 4.0, 2.0]) * 1e-3
-    found = trend(observe(make_decay(amplitude, 20.0 * (amplitude / 8e-3) ** p, scatter=0.0)), 0.01)
+    found = find_trend(observe(make_decay(amplitude, 20.0 * (amplitude / 8e-3) ** p, scatter=0.0)), 0.01)
     np.testing.assert_allclose(found.p, p, atol=1e-12)
     np.testing.assert_allclose(found.sd, np.sqrt(2.0) * 0.01 / np.log(2.0))
     np.testing.assert_allclose(found.z, 0.0, atol=1e-9)

@@ -12,9 +12,9 @@ from benchmarks._structures import CANDIDATES, simulated_levels, structures
 from damping.errors import AnalysisError
 from damping.extrapolation import extrapolate_loads, leave_higher_levels_out
 from damping.extrapolation.backbone import observe_backbone
-from damping.extrapolation.levels import BISTABLE, CHANGES, EXPECTED, read_resonances, trend
+from damping.extrapolation.levels import BISTABLE, EXPECTED, REPORTED, find_trend, read_resonances
 from damping.extrapolation.plan import judge_rows, plan_loads
-from damping.extrapolation.prepared import NEAR, describe_rests, near_resonance, without_offset
+from damping.extrapolation.prepared import NEAR, describe_weights, near_resonance, without_offset
 from damping.forces import CubicStiffness, Displacement, Slip, Sum, VelocitySquared, Viscous
 from damping.infer.best_fit import BestFit, fit_laws
 from damping.infer.doubt import JOINTS, JointEvidence
@@ -133,7 +133,7 @@ def test_too_many_rows_or_sweeps_are_refused_in_a_line():
 
 def test_a_power_law_has_one_exponent(peaks):
     F = np.array([1.0, 2.0, 5.0, 9.0])
-    found = trend(peaks(F ** (1.0 / 1.7), F, 10.0), 0.02)
+    found = find_trend(peaks(F ** (1.0 / 1.7), F, 10.0), 0.02)
     np.testing.assert_allclose(found.p, 1.7, rtol=1e-12)
     np.testing.assert_allclose(found.z, 0.0, atol=1e-9)
     np.testing.assert_allclose(found.force, np.sqrt(F[1:] * F[:-1]), rtol=1e-12)
@@ -144,16 +144,16 @@ def test_a_power_law_has_one_exponent(peaks):
 def test_standard_deviation_and_change_against_simulation(peaks):
     """Linearised in the scatter: second order terms of (1 % / 0.69)^2 are far below the 2 % the simulation can see."""
     F, scatter, rng = np.array([1.0, 2.0, 4.0]), 0.01, np.random.default_rng(2)
-    trends = [trend(peaks(F * np.exp(scatter * rng.standard_normal(3)), F, 10.0), scatter) for _ in range(4000)]
+    trends = [find_trend(peaks(F * np.exp(scatter * rng.standard_normal(3)), F, 10.0), scatter) for _ in range(4000)]
     p = np.array([t.p for t in trends])
-    expected = trend(peaks(F, F, 10.0), scatter)
+    expected = find_trend(peaks(F, F, 10.0), scatter)
     np.testing.assert_allclose(p.std(axis=0), expected.sd, rtol=0.06)  # five standard errors of 1.1 %
     np.testing.assert_allclose(np.std([t.z for t in trends]), 1.0, rtol=0.06)
 
 
 def test_repeats_of_a_level_are_averaged(peaks):
     F, A = np.array([1.0, 4.0, 1.02, 2.0]), np.array([1.0, 2.0, 1.1, 1.4])
-    found = trend(peaks(A, F, 10.0), 0.02)
+    found = find_trend(peaks(A, F, 10.0), 0.02)
     first = np.log(2.0 / np.sqrt(1.02)) / np.log(1.4 / np.sqrt(1.1))
     np.testing.assert_allclose(found.p, [first, np.log(2.0) / np.log(2.0 / 1.4)], rtol=1e-12)
 
@@ -162,8 +162,8 @@ def test_repeats_of_a_level_are_averaged(peaks):
 def test_change_at_the_top(p_last, says, peaks):
     F = np.array([1.0, 2.0, 4.0])
     A = np.array([1.0, 2.0, 2.0 * 2.0 ** (1.0 / p_last)])
-    found = trend(peaks(A, F, 10.0), 0.02)
-    assert abs(found.z) > CHANGES
+    found = find_trend(peaks(A, F, 10.0), 0.02)
+    assert abs(found.z) > REPORTED
     assert getattr(found, says)
 
 
@@ -180,9 +180,12 @@ def valve(A, opens):
 def test_a_constant_exponent_seems_to_change_in_one_test_of_twenty(levels, scatter, peaks):
     """Of 400 at most 33: 5 % and three standard errors."""
     F, rng = np.geomspace(1.0, 3.0, levels), np.random.default_rng(levels)
-    z = [trend(peaks(F * np.exp(scatter * rng.standard_normal(levels)), F, 10.0), 0.01, EXPECTED).z for _ in range(400)]
-    assert np.sum(np.array(z) > CHANGES) <= 33
-    assert np.sum(np.array(z) < -CHANGES) <= 33
+    z = [
+        find_trend(peaks(F * np.exp(scatter * rng.standard_normal(levels)), F, 10.0), 0.01, EXPECTED).z
+        for _ in range(400)
+    ]
+    assert np.sum(np.array(z) > REPORTED) <= 33
+    assert np.sum(np.array(z) < -REPORTED) <= 33
 
 
 @pytest.mark.parametrize(("levels", "scatter", "found"), [(5, 0.003, 0.85), (6, 0.003, 0.95), (6, 0.01, 0.65)])
@@ -191,17 +194,17 @@ def test_a_valve_that_opens_below_the_top_level_is_found(levels, scatter, found,
     grid, F = np.geomspace(0.2, 1.0, 400), np.geomspace(1.0 / 3.0, 1.0, levels)
     A, rng = np.interp(F * valve(np.ones(1), 0.85), valve(grid, 0.85), grid), np.random.default_rng(1)
     read = (A * np.exp(scatter * rng.standard_normal(levels)) for _ in range(200))
-    assert np.mean([trend(peaks(at, F, 10.0), 0.01, EXPECTED).falling for at in read]) > found
+    assert np.mean([find_trend(peaks(at, F, 10.0), 0.01, EXPECTED).falling for at in read]) > found
 
 
 def test_two_levels_say_nothing_of_a_change(peaks):
-    found = trend(peaks(np.array([1.0, 2.0]), np.array([1.0, 2.0]), 10.0), 0.02)
+    found = find_trend(peaks(np.array([1.0, 2.0]), np.array([1.0, 2.0]), 10.0), 0.02)
     assert np.isnan(found.z)
     assert not found.rising
 
 
 def test_amplitude_that_does_not_grow_has_no_exponent(peaks):
-    found = trend(peaks(np.array([1.0, 0.99, 1.4]), np.array([1.0, 2.0, 4.0]), 10.0), 0.02)
+    found = find_trend(peaks(np.array([1.0, 0.99, 1.4]), np.array([1.0, 2.0, 4.0]), 10.0), 0.02)
     assert np.isnan(found.p[0])
     assert not found.rising
     assert not found.falling
@@ -499,10 +502,10 @@ def test_a_sweep_that_peaks_beside_its_resonance_is_said_where_no_law_fits():
 def test_peaks_within_a_few_per_cent_are_said_to_be_one_level():
     """Three peaks whose forces differ by up to 3 %: no sweep along which a frequency changes."""
     force = np.array([1.0, 1.02, 1.03])
-    (said,) = describe_rests(peaks(force, force), 3)
+    (said,) = describe_weights(peaks(force, force), 3)
     assert said.startswith("one level (3 sweeps within 10 % of one another) does not show how")
     assert "along a sweep" not in said
-    assert not describe_rests(peaks(np.array([1.0, 1.02, 1.5]), force), 3)
+    assert not describe_weights(peaks(np.array([1.0, 1.02, 1.5]), force), 3)
 
 
 def test_a_level_read_wrong_is_said_and_excludes_no_law(swept):

@@ -11,12 +11,12 @@ from scipy.special import ndtri
 from damping.extrapolation import extrapolate_loads
 from damping.extrapolation.cautions import BEYOND_TEST, STAYS_LINEAR
 from damping.extrapolation.draws import (
+    Draws,
     Member,
-    Spread,
     amplitude_draws,
     choose_next_level,
-    draw_spread,
-    draw_spreads,
+    draw_member,
+    draw_members,
     find_quantiles,
 )
 from damping.extrapolation.prediction import PARTS, linear_amplitude, predict
@@ -173,7 +173,7 @@ def test_between_model_part_is_the_spread_of_two_laws(saturn):
     members = [member(("viscous",), data, 0.5), member(("velocity-squared",), data, 0.5)]
     loads = predict(members, np.array([90.0]), data, 0.9, seed=1)
     rng = np.random.default_rng(0)  # means given the levels are no matter of chance
-    a, b = (draw_spread(m, np.array([90.0]), data, 0.0, rng).law.mean() for m in members)
+    a, b = (draw_member(m, np.array([90.0]), data, 0.0, rng).law.mean() for m in members)
     np.testing.assert_allclose(loads.parts["between_model"], 50.0 * abs(a - b), rtol=1e-9)
 
 
@@ -209,7 +209,7 @@ def test_what_levels_leave_over_pulls_the_prediction_to_them(peaks):
     m = member(("viscous",), data)
     m.draws[:, m.coordinates.names.index("doubt")] = 5.0
     m.draws[:, -1] = -5.0  # scatter
-    spread = draw_spread(m, force, data, 0.0, np.random.default_rng(0))
+    spread = draw_member(m, force, data, 0.0, np.random.default_rng(0))
     # the law alone misses the levels by up to 6 %, of which a residual leaves half the square
     np.testing.assert_allclose(spread.law.mean(axis=0), np.log(data.tested_amplitude), atol=2.5e-3)
 
@@ -265,7 +265,7 @@ def test_level_is_the_content(level, saturn):
     data = saturn("config-2-mode-1")
     m = member(("viscous", "displacement-velocity"), data)
     loads = predict([m], np.array([60.0]), data, level, seed=2)
-    draws = np.exp(draw_spread(m, np.array([60.0]), data, 0.0, np.random.default_rng(2)).law[:, 0])
+    draws = np.exp(draw_member(m, np.array([60.0]), data, 0.0, np.random.default_rng(2)).law[:, 0])
     inside = np.mean((draws > loads.by_model[0].credible_low[0]) & (draws < loads.by_model[0].credible_high[0]))
     np.testing.assert_allclose(
         inside, level, atol=20.0 / len(draws)
@@ -283,7 +283,7 @@ def test_further_level_shrinks_the_band_as_a_normal_does_where_draws_have_no_res
     law = np.column_stack([at_level, 0.1 * at_level, k * at_level])
     law[:400, 0], law[200:800, 2] = np.nan, np.nan
     noise = np.broadcast_to(n * rng.standard_normal(len(law))[:, None], law.shape)
-    spread = Spread(law, np.zeros_like(law), noise, np.isfinite(law), np.isfinite(law))
+    spread = Draws(law, np.zeros_like(law), noise, np.isfinite(law), np.isfinite(law))
     member = Member("normal", 1.0, None, np.zeros((len(law), 1)))
     chosen = choose_next_level([member], [spread], np.array([2.0, 1.0]), 4.0, 0.9)
     left = np.hypot(k * s * n / np.hypot(s, n), n)
@@ -323,7 +323,7 @@ def test_many_levels_take_little_memory():
     of_law = member(("viscous",), data)
     tracemalloc.start()
     try:
-        draw_spread(of_law, np.array([30.0]), data, 0.0, rng)
+        draw_member(of_law, np.array([30.0]), data, 0.0, rng)
         assert tracemalloc.get_traced_memory()[1] < 1e8
     finally:
         tracemalloc.stop()
@@ -335,8 +335,8 @@ def test_a_fleet_draws_nothing_at_further_levels(saturn):
     asked = 2.0 * data.tested_force.max()
     brief = extrapolate_loads(data, [asked], seed=seed, laws=[Law(("viscous", "velocity-squared"))], fresh=False)
     assert brief.next_level is None
-    with_further = draw_spreads(brief.members, np.array([asked, *data.tested_force]), data, 0.0, seed)
-    for alone, whole in zip(brief.spreads, with_further, strict=True):
+    with_further = draw_members(brief.members, np.array([asked, *data.tested_force]), data, 0.0, seed)
+    for alone, whole in zip(brief.draws, with_further, strict=True):
         assert alone.total.shape[1] == 1
         np.testing.assert_allclose(alone.total, whole.total[:, :1], rtol=1e-12, atol=0.0)  # rounding
 

@@ -21,13 +21,12 @@ from damping.infer.doubt import (
     OTHER_SHARES,
     SLOPES,
     SLOWER,
-    STEADY,
     STEEPER,
     UNTOLD,
+    WITHOUT_JOINT,
     JointEvidence,
     extend,
     find_joint,
-    find_root,
     nonlinearity,
     place_steps,
     read_path,
@@ -158,7 +157,7 @@ def test_a_joint_strays_farther_and_a_damper_less_far_upwards():
     far = LETS_GO * (1.0 / JOINTS - 1.0) * (1.0 - np.exp(-1.0 / LENGTH))  # what is left to a joint that is certain
     certain = [(fall, 1.0, share * far) for fall, share in ((-1.0, 0.0), (0.1, 0.2), (0.7, 1.0), (4.0, 0.25))]
     untold = UNTOLD * (1.0 - 0.7) / BENT * (1.0 - np.exp(-1.0 / LENGTH))  # no resonance tells
-    for fall, up, least in (*certain, (np.nan, 1.0, untold), (0.0, 1.0 / STEADY, 0.0)):
+    for fall, up, least in (*certain, (np.nan, 1.0, untold), (0.0, 1.0 / WITHOUT_JOINT, 0.0)):
         joint = JointEvidence(float(up == 1.0), fall, informative=True) if np.isfinite(fall) else JointEvidence()
         for stray_slope, factor in ((1e-5, STEEPER * up), (-1e-5, 1.0)):
             near, beyond = np.log(np.diff(extend(0.7 * z[None], stray_slope * z[None], z, joint)[0]) / 0.7)
@@ -197,10 +196,3 @@ def test_likelihood_is_the_dense_normal_one():
         H = np.eye(3)[data.sweep] * h[i][:, None]
         covariance = np.diag(c.scatter(x)[0][i] ** 2 + known[i]) + H @ shared[i] @ H.T
         np.testing.assert_allclose(value, multivariate_normal.logpdf(n[i], cov=covariance), rtol=1e-9)
-
-
-def test_errors_of_single_levels_need_no_factor_of_all():
-    """The factor of a diagonal covariance, to the bits; else that of the whole."""
-    own = np.random.default_rng(1).uniform(0.1, 2.0, (3, 4))[:, None] * np.eye(4)
-    for noise in (own, own + 0.5):
-        np.testing.assert_array_equal(find_root(noise), np.linalg.cholesky(noise))

@@ -33,7 +33,7 @@ from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records.record import Record
 from damping.signals.ringdown import Decay, ring_down
-from damping.signals.windows import even_times
+from damping.signals.windows import space_evenly
 
 M, omega_n = 2.0, 10.0
 K = M * omega_n**2
@@ -442,7 +442,7 @@ def test_times_printed_to_few_decimals_are_even(decimals: int) -> None:
     for name in ("amplitude", "frequency", "decay_rate"):  # the rate by the line through the times, to 0.01/(12 n^.5)
         np.testing.assert_allclose(getattr(found, name), getattr(exact, name), rtol=3e-5)
     missing = np.delete(1e-3 * np.arange(len(t)), 3000)  # steps of one digit, and one of two: no rounding
-    assert not any("are printed to" in note for note in even_times(missing, x[1:], 12.0)[3])
+    assert not any("are printed to" in note for note in space_evenly(missing, x[1:], 12.0)[3])
 
 
 @pytest.mark.parametrize("wanders", [False, True])

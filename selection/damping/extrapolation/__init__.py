@@ -18,14 +18,14 @@ from damping.arrays import FloatArray, join_rows
 from damping.extrapolation.backbone import observe_backbone
 from damping.extrapolation.draws import (
     LEAST_WEIGHT,
+    Draws,
     Member,
     NextLevel,
-    Spread,
     amplitude_draws,
     choose_next_level,
-    draw_spreads,
+    draw_members,
+    find_shares,
     list_levels,
-    share_out,
     vary_priors,
 )
 from damping.extrapolation.plan import ROUNDING, Plan, find_repeatability, judge_rows, plan_loads
@@ -80,19 +80,19 @@ class Extrapolation:
     seed: int  #: of all draws
     #: candidate further levels, then the design force (the largest requested and allowed one); or empty
     levels: FloatArray
-    spreads: tuple[Spread, ...]  #: draws of each member at the requested forces, then at ``levels``
+    draws: tuple[Draws, ...]  #: of each member at the requested forces, then at ``levels``
 
-    def predict_at(self, forces: np.ndarray, *, each: bool = False, still: bool = False) -> Loads:
-        """Predictions at other forces (forces,) from the same draws; ``each``, ``still``: see `predict`."""
+    def predict_at(self, forces: np.ndarray, *, each: bool = False, to_invert: bool = False) -> Loads:
+        """Predictions at other forces (forces,) from the same draws; ``each``, ``to_invert``: see `predict`."""
         known = (self.plan.data, self.loads.level, self.seed, self.plan, find_repeatability(self.mode))
         blocks = np.array_split(forces, max(1, -(-len(forces) // AT_ONCE)))
-        return join_rows([predict(self.members, block, *known, each=each, still=still) for block in blocks])
+        return join_rows([predict(self.members, block, *known, each=each, to_invert=to_invert) for block in blocks])
 
     @cached_property
     def with_other_priors(self) -> pd.DataFrame:
         """The predictions with other priors (:func:`damping.extrapolation.draws.vary_priors`); NaN where refused."""
-        spreads = [s.at(slice(len(self.loads.force))) for s in self.spreads]
-        table = vary_priors(self.members, spreads, self.loads.force, self.loads.level)
+        draws = [s.at(slice(len(self.loads.force))) for s in self.draws]
+        table = vary_priors(self.members, draws, self.loads.force, self.loads.level)
         refused = self.loads.force[np.isnan(self.loads.average.median)]
         table.loc[table["force"].isin(refused), ["median", "low", "high"]] = np.nan
         return table
@@ -106,13 +106,13 @@ class Extrapolation:
         """
         if not self.levels.size:
             return None
-        spreads = [s.at(slice(len(self.loads.force), None)) for s in self.spreads]
-        if share_out(self.members, spreads) @ ~join_rows(spreads).resonates[:, -1] > REFUSED_SHARE:
+        draws = [s.at(slice(len(self.loads.force), None)) for s in self.draws]
+        if find_shares(self.members, draws) @ ~join_rows(draws).resonates[:, -1] > REFUSED_SHARE:
             return None
         *tried, design = self.levels
         if np.isnan(self.loads.average.median[self.loads.force == design]).any():
             return None
-        chosen = choose_next_level(self.members, spreads, np.array(tried), design, self.loads.level)
+        chosen = choose_next_level(self.members, draws, np.array(tried), design, self.loads.level)
         return chosen if np.log(chosen.width / chosen.expected) > LEAST_GAIN else None
 
 
@@ -156,16 +156,16 @@ def extrapolate_loads(
     with progress("sampling", len(plan.laws)) as done:
         for law in plan.laws:
             again = fresh and law.weight > LEAST_WEIGHT
-            draws = draw_fresh(law, plan.data, seed) if again else law.weighed.draws
-            members.append(Member(law.name, law.weight, law.coordinates, draws, plan.joint, backbone).thin())
+            x = draw_fresh(law, plan.data, seed) if again else law.weighed.draws
+            members.append(Member(law.name, law.weight, law.coordinates, x, plan.joint, backbone).thin())
             done(law.name)
     design, tested = min(float(requested.max()), plan.limit), plan.data.tested_force
     beyond = fresh and design > tested.max() * (1.0 + ROUNDING)
     levels = np.append(list_levels(tested, design), design) if beyond else np.empty(0)
-    spreads = draw_spreads(members, np.concatenate([requested, levels]), plan.data, find_repeatability(mode), seed)
-    at_asked = [spread.at(slice(len(requested))) for spread in spreads]
-    loads = predict(members, requested, plan.data, level, seed, plan, spreads=at_asked)
-    return Extrapolation(plan, tuple(members), loads, mode, seed, levels, tuple(spreads))
+    draws = draw_members(members, np.concatenate([requested, levels]), plan.data, find_repeatability(mode), seed)
+    at_asked = [drawn.at(slice(len(requested))) for drawn in draws]
+    loads = predict(members, requested, plan.data, level, seed, plan, draws=at_asked)
+    return Extrapolation(plan, tuple(members), loads, mode, seed, levels, tuple(draws))
 
 
 def predict_record(

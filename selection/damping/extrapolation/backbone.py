@@ -7,17 +7,15 @@ the tested resonances.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import groupby
-from typing import Any
 
 import numpy as np
 from scipy.special import logsumexp, ndtr, ndtri
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
-from damping.extrapolation.loosening import Loosening, find_change, list_shapes
+from damping.extrapolation.loosening import NO_CHANGE, Change, Loosening, list_kinds
 from damping.forces.contract import Force
 from damping.infer.doubt import FREQUENCY_SCATTER
 from damping.infer.observations import Observations
@@ -83,7 +81,7 @@ class Backbone:
 
     omega^2 is constant, or linear in a power of amplitude or in the stiffness that joints have lost, as springs and
     joints make it. Where it falls with a power, ln omega^2 is linear instead, so that stiffness stays positive. A
-    Bayesian linear regression for each of `list_shapes`, ``CHANGES`` and scatters is averaged by evidence.
+    Bayesian linear regression for each change (`list_kinds`), size (``CHANGES``) and scatter is averaged by evidence.
     """
 
     amplitude: FloatArray  #: of the tested resonances, (sweeps,)
@@ -162,26 +160,25 @@ class Backbone:
         return replace(self, mass=self.mass * self.omega**2).mass_at(amplitude)
 
     @cached_property
-    def _regressions(self) -> list[tuple[list[Any], float, FloatArray, FloatArray, FloatArray]]:
-        """Shapes of one kind, knee of y, and of `_regress`: log evidence, with that of the prior, b, covariance."""
+    def _regressions(self) -> list[tuple[Sequence[Change], float, FloatArray, FloatArray, FloatArray]]:
+        """Of each kind: the changes, the knee of y, and from `_regress` log evidence (with prior), b, covariance."""
         top, lowest = float(self.amplitude.max()), np.log(self.omega[np.argmin(self.amplitude)])
         risen = 2.0 * (np.log(self.omega) - lowest)
         regressions = []
-        for kind, entries in groupby(list_shapes(), key=lambda entry: type(entry[0])):
-            listed = list(entries)
-            at_levels = np.array([find_change(self.amplitude / top, shape) for shape, _ in listed])
-            knee = -MOST_LOST if kind is Loosening else 0.0  # y is omega^2 from here on, ln omega^2 below
+        for changes, priors in list_kinds():
+            at_levels = np.array([change(self.amplitude / top) for change in changes])
+            of_joints = isinstance(changes[0], Loosening)
+            knee = -MOST_LOST if of_joints else 0.0  # y is omega^2 from here on, ln omega^2 below
             edge = np.log1p(knee)
             y = np.expm1(np.maximum(risen, edge)) + (1.0 + knee) * np.minimum(risen - edge, 0.0)
             per_scatter = 2.0 * np.exp(np.maximum(risen, edge))  # dy/d ln omega
-            sizes = np.array([0.0] if listed[0][0] is None else CHANGES)
+            sizes = np.array([0.0] if changes[0] is NO_CHANGE else CHANGES)
             scaled = at_levels / per_scatter, 1.0 / per_scatter, y / per_scatter
             z, b, covariance = _regress(*scaled, sizes, self._scatters)
-            if kind is Loosening:  # half a normal prior: joints do not stiffen
+            if of_joints:  # half a normal prior: joints do not stiffen
                 z = np.where(b[..., 1] < 0.0, z + np.log(2.0), -np.inf)
-            priors = np.array([prior for _, prior in listed]) / len(sizes)
-            z = z + np.log(priors)[:, None, None]
-            regressions.append(([shape for shape, _ in listed], knee, z, b, covariance))
+            z = z + np.log(priors / len(sizes))[:, None, None]
+            regressions.append((changes, knee, z, b, covariance))
         return regressions
 
     @property
@@ -194,10 +191,10 @@ class Backbone:
         top, lowest = float(self.amplitude.max()), np.log(self.omega[np.argmin(self.amplitude)])
         cutoff = max(float(z.max()) for _, _, z, _, _ in self._regressions) + np.log(NEGLIGIBLE)
         log_z, means, variances = [], [], []
-        for shapes, knee, z, b, covariance in self._regressions:
+        for changes, knee, z, b, covariance in self._regressions:
             which, size, scatter = np.nonzero(z > cutoff)
             b, (var_0, cov, var_1) = b[which, size, scatter], covariance[:, which, size, scatter, None]
-            x = np.array([find_change(amplitude / top, shape) for shape in shapes])[which]
+            x = np.array([change(amplitude / top) for change in changes])[which]
             mean, variance = b[:, :1] + b[:, 1:] * x, var_0 + x * (2.0 * cov + x * var_1)
             log_z.append(z[which, size, scatter])
             below = np.minimum(mean - knee, 0.0) / (1.0 + knee)

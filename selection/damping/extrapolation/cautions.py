@@ -49,10 +49,11 @@ def list_cautions(
     """
     refused = np.isnan(amplitude) and not (plan and not plan.allows(force))
     cautions = [UNKNOWN if unknown else _describe_refusal(*without)] if refused else []
-    cautions += _list_of_plan(force, plan, banded=not np.isnan(amplitude)) if plan else []
-    leads = not weights or max(weights) >= 0.5 * sum(weights)
-    of_test = _list_of_test(amplitude, data, "amplitude") if data.amplitude_is_input else _list_of_test(force, data)
-    return tuple(cautions + of_test + ([] if leads else ["no law has more than half of the weight"]))
+    cautions += _list_plan_cautions(force, plan, banded=not np.isnan(amplitude)) if plan else []
+    cautions += _list_test_limits(force, amplitude, data)
+    if weights and max(weights) < 0.5 * sum(weights):
+        cautions.append("no law has more than half of the weight")
+    return tuple(cautions)
 
 
 def _describe_refusal(held: float, unreached: float) -> str:
@@ -64,7 +65,7 @@ def _describe_refusal(held: float, unreached: float) -> str:
     return f"{REFUSAL}: {why}" if probability == "1.00" else f"{REFUSAL}: with probability {probability} {why}"
 
 
-def _list_of_plan(force: float, plan: Plan, *, banded: bool) -> list[str]:
+def _list_plan_cautions(force: float, plan: Plan, *, banded: bool) -> list[str]:
     """Cautions on the fit of the laws, the shift of the resonance, a slipping joint, and the trend of p.
 
     ``banded``: whether there is a band, so that a caution can say what the band allows for.
@@ -94,9 +95,11 @@ def _list_of_plan(force: float, plan: Plan, *, banded: bool) -> list[str]:
     return [sentence for sentence in cautions if sentence]
 
 
-def _list_of_test(asked: float, data: Observations, of: str = "force") -> list[str]:
-    """Limits of the tested levels for a prediction at ``asked``, a force, or for a decay an amplitude."""
-    tested = data.tested_amplitude if of == "amplitude" else data.tested_force
+def _list_test_limits(force: float, amplitude: float, data: Observations) -> list[str]:
+    """Limits of the tested levels for a prediction, by its force, or for a decay by its amplitude."""
+    of, asked, tested = "force", force, data.tested_force
+    if data.amplitude_is_input:
+        of, asked, tested = "amplitude", amplitude, data.tested_amplitude
     largest, levels, lines = tested.max(), int(data.levels.max()) + 1, []
     if asked > largest * (1.0 + ROUNDING):
         lines.append(f"{BEYOND_TEST}: {asked / largest:.2f} times the largest tested {of}")

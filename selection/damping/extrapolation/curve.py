@@ -16,8 +16,9 @@ that of amplitude; their squares are added in ln zeta.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -140,7 +141,7 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
             _invert_band(band, grid, asked, plan.limit).keep(~unknown).leave_out(asked, data)[0]
             for band in loads.by_model
         ),
-        parts=_turn_parts(loads, average.median),
+        parts=_convert_parts(loads, average.median),
         linear=linear,
         ratio=average.median / data.tested_force[top],
         cautions=tuple(
@@ -153,7 +154,7 @@ def predict_forces(predicted: Extrapolation, amplitudes: Sequence[float] | Float
 
 
 @np.errstate(divide="ignore", invalid="ignore")  # amplitudes may be infinite
-def _turn_parts(loads: Loads, force: FloatArray) -> dict[str, FloatArray]:
+def _convert_parts(loads: Loads, force: FloatArray) -> dict[str, FloatArray]:
     """Parts of the band of force at each ``force`` (rows,), by the slope of ln F(ln A) over a grid of ``loads``."""
     moves = loads.average.median > 0.0
     if moves.sum() < 2:
@@ -168,27 +169,28 @@ def _search_forces(predicted: Extrapolation, asked: FloatArray, each: bool) -> t
     data = predicted.plan.data
     down = STEEPEST * min(0.0, math.log(asked.min() / data.tested_amplitude.min())) - math.log(_MARGIN)
     up = STEEPEST * max(0.0, math.log(asked.max() / data.tested_amplitude.max())) + math.log(_MARGIN)
-    free = replace(predicted, plan=replace(predicted.plan, limit=np.inf))
+    unlimited = replace(predicted, plan=replace(predicted.plan, limit=np.inf))
+    predict_at = partial(unlimited.predict_at, each=each, to_invert=True)
     low = math.exp(max(math.log(data.tested_force.min()) + down, math.log(SMALLEST)))
     high = math.exp(min(math.log(data.tested_force.max()) + up, math.log(LARGEST)))
     points = np.geomspace(low, high, max(GRID, 1 + int(np.ceil(np.log(high / low) / STEP))))
     grid = np.unique(np.concatenate([points, data.tested_force]))
-    loads = free.predict_at(grid, each=each, still=True)
+    loads = predict_at(grid)
     if data.amplitude_is_input:
-        return _refine(free, grid, loads, asked, each)
+        return _refine(predict_at, grid, loads, asked)
     held = grid[~(loads.average.low > 0.0) & (grid < data.tested_force.min())]
     if held.size and asked.min() < data.tested_amplitude.min():
         still = held[~(loads.average.high[: held.size] > 0.0)].max(initial=grid[0])
         beyond = grid[grid > held[-1]]
         grid = np.concatenate([np.linspace(still, beyond[0], FRICTION), beyond[1:]])
-        loads = free.predict_at(grid, each=each, still=True)
+        loads = predict_at(grid)
     return grid, loads
 
 
 def _refine(
-    free: Extrapolation, grid: FloatArray, loads: Loads, asked: FloatArray, each: bool
+    predict_at: Callable[[FloatArray], Loads], grid: FloatArray, loads: Loads, asked: FloatArray
 ) -> tuple[FloatArray, Loads]:
-    """The grid of a decay, refined where friction makes an end of the band leap over amplitudes ``asked``."""
+    """The grid of forces for a decay, refined where an end of the band leaps over the amplitudes ``asked``."""
     within = np.log([asked.min() / LEAP, asked.max() * LEAP])
     for _ in range(TURNS):
         ends = (loads.average.low, loads.average.median, loads.average.high)
@@ -200,7 +202,7 @@ def _refine(
             break
         steps = zip(grid[:-1], grid[1:], parts, strict=True)
         grid = np.append(np.concatenate([np.linspace(a, b, n, endpoint=False) for a, b, n in steps]), grid[-1])
-        loads = free.predict_at(grid, each=each, still=True)
+        loads = predict_at(grid)
     return grid, loads
 
 
@@ -284,9 +286,9 @@ def _find_frequency(backbone: Backbone, amplitude: Interval, level: float) -> tu
 
 
 def _add_jump(cautions: tuple[str, ...], lowest: float, omega: float, zeta: float) -> tuple[str, ...]:
-    """Add the caution that the mode is bistable at ``omega``, by its distance from the ``lowest`` level's, rad/s.
+    """Add the caution, if the tested levels gave none, that the mode is bistable at ``omega``, rad/s.
 
-    Nothing is added if the caution on the tested levels is already there.
+    ``lowest``: resonance of the lowest level.
     """
     jump = describe_bistability(np.array([lowest, omega]), 2.0 * zeta * omega, OF_PREDICTED)
     return cautions if not jump or any("bistable" in caution for caution in cautions) else (*cautions, jump)

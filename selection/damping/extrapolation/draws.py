@@ -59,7 +59,7 @@ class Member:
         return self.backbone.solve(damping, force, omega)
 
     def thin(self) -> Member:
-        """The member with draws evenly chosen in order of straying, its share of ``AVERAGE_DRAWS`` in number.
+        """The member with draws evenly chosen in order of straying, as many as its share of ``AVERAGE_DRAWS``.
 
         In that order the points of :func:`damping.infer.doubt.stray` fill the paths of draws that stray similarly.
         """
@@ -74,8 +74,8 @@ class Member:
 
 
 @dataclass(frozen=True)
-class Spread:
-    """Draws in ln A, (draws, forces).
+class Draws:
+    """Draws of the next test's ln A by one law, in parts that add, (draws, forces).
 
     A draw that does not resonate has too little damping if it is ``short``; otherwise friction holds the mode.
     """
@@ -91,14 +91,14 @@ class Spread:
         """ln A of the next test."""
         return self.law + self.stray + self.noise
 
-    def at(self, columns: IntArray | slice) -> Spread:
+    def at(self, columns: IntArray | slice) -> Draws:
         """The draws at a selection of the forces."""
-        return Spread(*(getattr(self, part.name)[:, columns] for part in fields(self)))
+        return Draws(*(getattr(self, part.name)[:, columns] for part in fields(self)))
 
 
-def share_out(members: Sequence[Member], spreads: Sequence[Spread]) -> FloatArray:
+def find_shares(members: Sequence[Member], draws: Sequence[Draws]) -> FloatArray:
     """Share of each pooled draw in the average over models, (draws,)."""
-    shares = [np.full(len(s.law), m.weight / len(s.law)) for m, s in zip(members, spreads, strict=True)]
+    shares = [np.full(len(s.law), m.weight / len(s.law)) for m, s in zip(members, draws, strict=True)]
     return np.concatenate(shares) / sum(m.weight for m in members)
 
 
@@ -116,18 +116,18 @@ def find_quantiles(values: FloatArray, shares: FloatArray, at: FloatArray) -> Fl
     return np.array(quantiles).T
 
 
-def draw_spreads(
+def draw_members(
     members: Sequence[Member], force: FloatArray, data: Observations, repeatability: float, seed: int
-) -> list[Spread]:
+) -> list[Draws]:
     """Draws of every law's parts at ``force`` (forces,); draws at one force do not depend on the other forces."""
     rngs = np.random.default_rng(seed).spawn(len(members))
-    return [draw_spread(member, force, data, repeatability, rng) for member, rng in zip(members, rngs, strict=True)]
+    return [draw_member(member, force, data, repeatability, rng) for member, rng in zip(members, rngs, strict=True)]
 
 
 @np.errstate(divide="ignore", invalid="ignore")  # ln of an amplitude of 0, and straying of an infinite one
-def draw_spread(
+def draw_member(
     member: Member, force: FloatArray, data: Observations, repeatability: float, rng: np.random.Generator
-) -> Spread:
+) -> Draws:
     """Draws of one law's parts; NaN where a draw has no resonance."""
     tested, asked = (np.asarray(np.round(np.log(part), _DIGITS), float) for part in (data.tested_force, force))
     top = tested.max()
@@ -144,7 +144,7 @@ def draw_spread(
     else:
         row = np.maximum(row, repeatability)
     sigma, noise = member.coordinates.doubt(draws, parts), row**2 + level**2
-    deviations, errors, known = _levels(damping, row, level, data)
+    deviations, errors, known = _compare_levels(damping, row, level, data)
     of_noise, of_paths = rng.spawn(2)
     places = (np.append(within, top), steps[1:])
     mean, drawn = stray(sigma[which], deviations[which], lambda of: errors(which[of]), tested, *places, of_paths)
@@ -158,18 +158,18 @@ def draw_spread(
         return log_A
 
     law = follow(mean, lets_go=False)  # a joint that lets go is part of the straying
-    # the same noise at all forces keeps bands smooth
+    # the same noise at all forces, so that bands are smooth
     noise = np.sqrt(noise[which] + known[which]) * of_noise.standard_normal(len(which))
     strayed = follow(drawn, lets_go=True) - law
     short = damping.quadrature(data.tested_amplitude[data.top], data.tested_omega[data.top]) < np.exp(asked)
-    return Spread(law, strayed, np.broadcast_to(noise[:, None], law.shape), np.isfinite(of_law), short[which])
+    return Draws(law, strayed, np.broadcast_to(noise[:, None], law.shape), np.isfinite(of_law), short[which])
 
 
-def _levels(
+def _compare_levels(
     damping: Sum, row: FloatArray, level: FloatArray, data: Observations
 ) -> tuple[FloatArray, Callable[[IntArray], FloatArray], FloatArray]:
-    """ln A of each level minus that of the law, (draws, sweeps); covariance of its errors, (chosen, sweeps, sweeps), a
-    function of chosen draws; mean stated variance of a row, (draws,)."""
+    """ln A of each level minus that of the law, (draws, sweeps); the covariance of its errors, a function of chosen
+    draws, (chosen, sweeps, sweeps); and the mean stated variance of a row, (draws,)."""
     n, h, known = residuals(damping, data)
     weight = h / (row[:, None] ** 2 + known)
     hh, hn = (by_sweep(weight * value, data) for value in (h, n))
@@ -197,14 +197,14 @@ ON_THE_WAY = (1.0 / 3.0, 2.0 / 3.0)
 READINGS = (np.arange(24) + 0.5) / 24
 
 
-def vary_priors(members: Sequence[Member], spreads: Sequence[Spread], force: FloatArray, level: float) -> pd.DataFrame:
-    """Predictions at ``force`` with each prior changed by each of ``FACTORS``, by reweighting the draws ``spreads``.
+def vary_priors(members: Sequence[Member], draws: Sequence[Draws], force: FloatArray, level: float) -> pd.DataFrame:
+    """Predictions at ``force`` with each prior changed by each of ``FACTORS``, by reweighting the ``draws``.
 
     Returns:
         One row for each prior, factor and force: ``prior, factor, force, median, low, high``.
     """
     tail, rows = 0.5 * (1.0 - level), []
-    total, shares = join_rows(spreads).total, share_out(members, spreads)
+    total, shares = join_rows(draws).total, find_shares(members, draws)
     for prior, ratio in (("scatter", _scatter_ratio), ("share", _share_ratio), ("discrepancy", _discrepancy_ratio)):
         for factor in FACTORS:
             odds = shares * np.concatenate([ratio(member, factor) for member in members])
@@ -257,11 +257,11 @@ def list_levels(tested_force: FloatArray, design: float) -> FloatArray:
 
 @np.errstate(over="ignore")  # the width of a band may be infinite
 def choose_next_level(
-    members: Sequence[Member], spreads: Sequence[Spread], tried: FloatArray, design: float, level: float
+    members: Sequence[Member], draws: Sequence[Draws], tried: FloatArray, design: float, level: float
 ) -> NextLevel:
-    """The level of ``tried`` (levels,) that would most shrink the band at ``design``; ``spreads``: draws at all these
+    """The level of ``tried`` (levels,) that would most shrink the band at ``design``; ``draws`` are at all these
     forces, ``design`` last."""
-    pooled, shares = join_rows(spreads), share_out(members, spreads)
+    pooled, shares = join_rows(draws), find_shares(members, draws)
     resonating = np.isfinite(pooled.total[:, -1])  # a draw without a resonance at the design force has no width there
     order = np.flatnonzero(resonating)[np.argsort(pooled.total[resonating, -1])]
     at_design, shares, drawn = pooled.total[order, -1], shares[order], (pooled.law + pooled.stray)[order]

@@ -10,19 +10,17 @@ from damping.infer.doubt import JointEvidence, find_joint
 from damping.infer.observations import Observations
 from damping.records.mode import Mode
 
-CHANGES = 1.64  #: standard normal quantile (one-sided 5 %) beyond which a change of p is reported
+REPORTED = 1.64  #: standard normal quantile (one-sided 5 %) beyond which a change of p is reported
 #: Scatter of resonances before any is seen, and the degrees of freedom it is worth: a median of 1.2 %, as of the prior
 #: of laws. At three levels that scatter by 3 % a constant p then seems to fall in 5 % of tests.
 EXPECTED = (0.0078, 1.0)
-#: Largest scatter where none larger is stated, the upper end of the prior of laws: whatever the levels seem to scatter,
-#: a change of many times this is one. Degrees of freedom of a scatter that is known.
-MOST = 0.04
-CERTAIN = 1e9
+#: Scatter, the upper end of the prior of laws: a change of many times this is real, however much the levels scatter.
+LARGEST_SCATTER = 0.04
+CERTAIN = 1e9  #: degrees of freedom of a scatter that is known
 #: Factor on the probability of a change in more than three sweeps: two for two shapes, two for tests that scatter more
 #: than expected. At a scatter of 3 % a constant p then seems to fall in 4 to 5 % of tests, at 1 % in at most 2 %.
 LOOKS = 4.0
-#: Probability below which none is told apart.
-_TINY = 1e-300
+_TINY = 1e-300  #: least probability, so that its quantile is finite
 
 
 @dataclass(frozen=True)
@@ -38,26 +36,31 @@ class Trend:
     @property
     def rising(self) -> bool:
         """Whether p rises at the top of the test: damping grows faster than below."""
-        return bool(self.z > CHANGES)
+        return bool(self.z > REPORTED)
 
     @property
     def falling(self) -> bool:
         """Whether p falls at the top of the test: amplitudes grow faster than below."""
-        return bool(self.z < -CHANGES)
+        return bool(self.z < -REPORTED)
 
     @property
     def failing(self) -> float:
         """Confidence, 0 to 1, that p falls: 1 from the change that is reported, 0 up to half of it."""
-        return float(np.clip(np.nan_to_num(-self.z) / (0.5 * CHANGES) - 1.0, 0.0, 1.0))
+        return float(np.clip(np.nan_to_num(-self.z) / (0.5 * REPORTED) - 1.0, 0.0, 1.0))
 
 
-def trend(data: Observations, scatter: float, expected: tuple[float, float] | None = None) -> Trend:
+def expect_scatter(stated: float) -> tuple[float, float]:
+    """Prior scatter by which a change of p is judged, and the degrees of freedom it is worth; ``stated``: 0 if none."""
+    return (stated, CERTAIN) if stated > LARGEST_SCATTER else EXPECTED
+
+
+def find_trend(data: Observations, scatter: float, expected: tuple[float, float] | None = None) -> Trend:
     """Local exponents of the tested resonances, repeats of a level averaged.
 
     Args:
         scatter: relative scatter of one sweep's resonant amplitude; for a decay, of its force.
-        expected: scatter by which a change is judged, and the degrees of freedom it is worth; by default ``scatter``,
-            as known. (That of a fit of laws is not known: the fit may take a change for scatter.)
+        expected: as of `expect_scatter`; by default ``scatter``, as known. The scatter of a fit of laws may contain the
+            change.
     """
     levels, of_decay = data.levels, data.amplitude_is_input
     count = np.bincount(levels)
@@ -72,17 +75,17 @@ def trend(data: Observations, scatter: float, expected: tuple[float, float] | No
     if len(p) < 2 or np.isnan(p).any():
         return Trend(force, p, sd, np.nan)
     known = expected or (scatter, CERTAIN)
-    z = find_change(each_A, each_F, levels, *known) if of_decay else -find_change(each_F, each_A, levels, *known)
+    z = find_bend(each_A, each_F, levels, *known) if of_decay else -find_bend(each_F, each_A, levels, *known)
     return Trend(force, p, sd, z)  # p falls where ln A(ln F) bends upwards
 
 
-def find_change(x: FloatArray, y: FloatArray, levels: IntArray, scatter: float, freedom: float) -> float:
-    """Change of the slope of y(x) as a standard normal deviate; x, y, ``levels`` of each sweep: (sweeps,).
+def find_bend(x: FloatArray, y: FloatArray, levels: IntArray, scatter: float, freedom: float) -> float:
+    """Bend of y(x) as a standard normal deviate; x, y, ``levels`` of each sweep: (sweeps,).
 
-    Beside a straight line, y has a parabola, or a step at the top level: a bend between the two highest. The least
-    squares S that n sweeps leave beside either give s^2 = (``freedom`` ``scatter``^2 + S)/(``freedom`` + n - 3), and
-    the change over its standard deviation follows Student's t; over that by a scatter of ``MOST``, it is at most as
-    probable as a normal deviate. The least probable counts, times ``LOOKS`` (Bonferroni).
+    Two bends are fitted, each beside a straight line: a parabola, and a step at the top level. The squares S that n
+    sweeps leave give the variance s^2 = (``freedom`` ``scatter``^2 + S)/(``freedom`` + n - 3), so that a bend over its
+    standard deviation follows Student's t; it is at most as probable as at a known scatter of ``LARGEST_SCATTER``. The
+    less probable bend counts, its probability times ``LOOKS`` (Bonferroni).
     """
     line, left = np.column_stack([x - x.mean(), np.ones(len(x))]), len(x) - 3
     found = []
@@ -90,12 +93,12 @@ def find_change(x: FloatArray, y: FloatArray, levels: IntArray, scatter: float, 
         design = np.column_stack([shape, line])
         covariance = np.linalg.inv(design.T @ design)
         fitted = covariance @ design.T @ y
-        change, squares = fitted[0] / np.sqrt(covariance[0, 0]), np.sum((y - design @ fitted) ** 2)
-        own = np.sqrt((freedom * scatter**2 + squares) / (freedom + left))
-        tail = min(stdtr(freedom + left, -abs(change) / own), ndtr(-abs(change) / max(MOST, scatter)))
-        found.append((tail * (LOOKS if left else 1.0), change))
-    tail, change = min(found)
-    return float(np.copysign(ndtri(np.clip(tail, _TINY, 0.5)), change))
+        bend, squares = fitted[0] / np.sqrt(covariance[0, 0]), np.sum((y - design @ fitted) ** 2)
+        s = np.sqrt((freedom * scatter**2 + squares) / (freedom + left))
+        tail = min(stdtr(freedom + left, -abs(bend) / s), ndtr(-abs(bend) / max(LARGEST_SCATTER, scatter)))
+        found.append((tail * (LOOKS if left else 1.0), bend))
+    tail, bend = min(found)
+    return float(np.copysign(ndtri(np.clip(tail, _TINY, 0.5)), bend))
 
 
 #: Shift of the resonance, in half-power bandwidths, from which a mode counts as bistable: at 0.77, 4/(3 sqrt(3)), a

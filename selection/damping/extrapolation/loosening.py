@@ -1,8 +1,9 @@
 """Shapes of the change of resonance with amplitude, powers or joints that lose stiffness, and their prior odds."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import TypeAlias
 
 import numpy as np
 
@@ -20,6 +21,8 @@ LARGEST_LIMITS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 CONSTANT = 0.1
 #: Prior odds of powers, joints of one limit and joints of many limits: bolted joints hardly ever have one limit.
 OF_KINDS = (6.0, 1.0, 2.0)
+Change: TypeAlias = Callable[[FloatArray], FloatArray]  #: of the resonance since x = 1, at x (rows,)
+NO_CHANGE: Change = np.zeros_like
 
 
 @dataclass(frozen=True)
@@ -58,20 +61,14 @@ def _lose_of_many(x: FloatArray) -> FloatArray:
 
 
 @cache
-def list_shapes() -> list[tuple[Power | Loosening | None, float]]:
-    """Every shape, None for a constant, with its prior probability."""
-    kinds: tuple[list[Power | Loosening], ...] = (
-        [Power(exponent) for exponent in POWERS],
-        [Loosening(limit, _lose_of_one) for limit in LIMITS],
-        [Loosening(limit, _lose_of_many) for limit in LARGEST_LIMITS],
-    )
-    shares = (1.0 - CONSTANT) * np.array(OF_KINDS) / sum(OF_KINDS)
+def list_kinds() -> list[tuple[Sequence[Change], FloatArray]]:
+    """For each kind of change, none, by a power or by joints: its changes, and the prior probability of each."""
+    powers, one_limit, many_limits = (1.0 - CONSTANT) * np.array(OF_KINDS) / sum(OF_KINDS)
+    joints = [Loosening(limit, _lose_of_one) for limit in LIMITS]
+    looser = [Loosening(limit, _lose_of_many) for limit in LARGEST_LIMITS]
+    of_joints = [*[one_limit / len(joints)] * len(joints), *[many_limits / len(looser)] * len(looser)]
     return [
-        (None, CONSTANT),
-        *((shape, share / len(kind)) for kind, share in zip(kinds, shares, strict=True) for shape in kind),
+        ([NO_CHANGE], np.array([CONSTANT])),
+        ([Power(exponent) for exponent in POWERS], np.full(len(POWERS), powers / len(POWERS))),
+        ([*joints, *looser], np.array(of_joints)),
     ]
-
-
-def find_change(x: FloatArray, shape: Power | Loosening | None) -> FloatArray:
-    """Change of a shape since x = 1, (rows,); 0 if the shape is None."""
-    return np.zeros(len(x)) if shape is None else shape(x)

@@ -13,12 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from damping.arrays import BoolArray, Floats
-from damping.extrapolation.levels import CERTAIN, EXPECTED, MOST, Trend, describe_state, read_resonances, trend
+from damping.extrapolation.levels import Trend, describe_state, expect_scatter, find_trend, read_resonances
 from damping.infer.best_fit import BestFit, fit_law, fit_laws
 from damping.infer.doubt import ANY_JOINT, JOINTS, JointEvidence
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.law import Law
 from damping.infer.observations import Observations
+from damping.progress import nothing
 from damping.ranking import Candidate, weigh_laws
 from damping.ranking.candidates import resonant_laws
 from damping.ranking.verdict import FitVerdict, is_excluded, judge_fit
@@ -64,7 +65,7 @@ def plan_loads(
     data: Observations,
     laws: Sequence[Law],
     seed: int = 0,
-    done: Callable[[str], None] = lambda name: None,
+    done: Callable[[str], None] = nothing,
     mode: Mode | None = None,
     estimate: Estimate = evidence,
 ) -> Plan:
@@ -86,7 +87,7 @@ def plan_loads(
     stated = float(np.sqrt(find_repeatability(mode) ** 2 + np.mean(data.sd_amplitude**2 + data.sd_force**2)))
     few = data.levels.max() + 1 < ENOUGH_LEVELS
     bistable, joint = read_resonances(data, mode) if mode else ("", ANY_JOINT)
-    exponents = trend(data, float(np.median(scatter)), (stated, CERTAIN) if stated > MOST else EXPECTED)
+    exponents = find_trend(data, float(np.median(scatter)), expect_scatter(stated))
     if joint.informative and joint.probability < JOINTS:
         joint = joint._replace(failing=exponents.failing)
     return Plan(
@@ -108,10 +109,9 @@ LEAST_SAID = 0.05  #: weight above which an excluded law is named
 def judge_rows(plan: Plan, all_rows: Observations, seed: int = 0, estimate: Estimate = evidence) -> Plan:
     """The plan judged on ``all_rows`` too; ``seed``: of the scatters that p-values are averaged over.
 
-    Its verdict is that of all rows where the leading law does not fit them, even if it fits the resonances. A law that
-    misses rows which other laws fit yields to one that equals it at resonance, or, where all of these miss them too, is
-    left out. The scatter of the rows shows which levels lie apart; if it exceeds the stated noise, the verdict of the
-    rows replaces that of the resonances.
+    A law that misses rows which other laws fit is replaced by one of the same predictions at resonance that fits them,
+    and left out if there is none. The verdict on all rows replaces that on the resonances where the leading law does
+    not fit all rows, or where these scatter by more than the stated noise. All rows also show which levels lie apart.
     """
     if len(all_rows.A) == len(plan.data.A):
         return plan
@@ -125,7 +125,7 @@ def judge_rows(plan: Plan, all_rows: Observations, seed: int = 0, estimate: Esti
         if equal and not allowed:
             missing.append(member)
         else:
-            kept.append(_yield_to(allowed, member, plan.data, seed, estimate))
+            kept.append(_replace_by_equal(allowed, member, plan.data, seed, estimate))
     leader = next((fits[member.law] for member in kept if member.law in fits), best)
     on_rows = judge_fit(leader, [fit for fit in fits.values() if fit is not leader], all_rows, seed)
     fit = plan.fit
@@ -145,7 +145,7 @@ def judge_rows(plan: Plan, all_rows: Observations, seed: int = 0, estimate: Esti
     return replace(plan, laws=rescaled, excluded=note if names else "")
 
 
-def _yield_to(
+def _replace_by_equal(
     allowed: Sequence[BestFit], member: Candidate, data: Observations, seed: int, estimate: Estimate
 ) -> Candidate:
     """``member``, or, if it is not ``allowed``, the shortest of its equals that is, fitted to the same resonances."""

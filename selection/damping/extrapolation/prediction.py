@@ -18,7 +18,7 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray, join_rows
 from damping.extrapolation.cautions import NOTHING_KNOWN, list_cautions
-from damping.extrapolation.draws import Member, Spread, draw_spreads, find_quantiles, share_out
+from damping.extrapolation.draws import Draws, Member, draw_members, find_quantiles, find_shares
 from damping.extrapolation.plan import Plan
 from damping.infer.observations import Observations
 
@@ -104,9 +104,9 @@ def predict(
     seed: int,
     plan: Plan | None = None,
     repeatability: float = 0.0,
-    spreads: Sequence[Spread] | None = None,
+    draws: Sequence[Draws] | None = None,
     each: bool = True,
-    still: bool = False,
+    to_invert: bool = False,
 ) -> Loads:
     """Predict resonant amplitudes at ``force`` (forces,), averaged over ``members`` by weight.
 
@@ -114,29 +114,29 @@ def predict(
         data: of the tested levels.
         plan: if given, its limit applies and its findings are among the cautions.
         repeatability: stated relative standard uncertainty of a level's amplitude, a lower bound of the scatter.
-        spreads: draws at ``force``, if already made.
+        draws: at ``force``, if already made.
         each: whether to make the band of each law too.
-        still: count draws without a resonance below the tested forces, and at all forces of a decay, whose amplitude is
-            no response to a force: as amplitude 0 if friction holds the mode, else as infinite. Where they do not
-            count, a prediction is refused if too many draws have no resonance.
+        to_invert: whether forces for given amplitudes will be read from the bands. Below the tested forces, and at all
+            forces of a decay, a draw without a resonance then counts, with amplitude 0 if friction holds the mode, else
+            infinite. Elsewhere a prediction is refused if too many draws have no resonance.
     """
-    if spreads is None:
-        spreads = draw_spreads(members, force, data, repeatability, seed)
+    if draws is None:
+        draws = draw_members(members, force, data, repeatability, seed)
     allowed = plan.allows(force) if plan else np.full(len(force), True)
-    counted = still & (data.amplitude_is_input | (force < data.tested_force.min()))
-    laws = zip(members, spreads, strict=True) if each else ()
-    bands = [_band(m.name, m.weight, [s], np.ones(len(s.law)), allowed, counted, level) for m, s in laws]
+    counted = to_invert & (data.amplitude_is_input | (force < data.tested_force.min()))
+    laws = zip(members, draws, strict=True) if each else ()
+    bands = [_find_band(m.name, m.weight, [s], np.ones(len(s.law)), allowed, counted, level) for m, s in laws]
     weights = np.array([member.weight for member in members]) / sum(member.weight for member in members)
-    average = _band("average over models", 1.0, spreads, share_out(members, spreads), allowed, counted, level)
+    average = _find_band("average over models", 1.0, draws, find_shares(members, draws), allowed, counted, level)
     unknown = np.full(len(force), False)
-    if not still:
+    if not to_invert:
         average, unknown = average.leave_out(average.median, data)
         bands = [band.keep(~unknown).leave_out(band.median, data)[0] for band in bands]
     predicted = np.isfinite(average.median)
     linear = np.where(predicted, linear_amplitude(force, data), np.nan)
     ratio = force / data.tested_force[data.top]
     held, unreached = (
-        sum(w * np.mean(~s.resonates & (s.short == short), axis=0) for w, s in zip(weights, spreads, strict=True))
+        sum(w * np.mean(~s.resonates & (s.short == short), axis=0) for w, s in zip(weights, draws, strict=True))
         for short in (False, True)
     )
     return Loads(
@@ -144,7 +144,7 @@ def predict(
         level=level,
         average=average,
         by_model=tuple(bands),
-        parts={name: np.where(predicted, part, np.nan) for name, part in _parts(spreads, weights).items()},
+        parts={name: np.where(predicted, part, np.nan) for name, part in _split_variance(draws, weights).items()},
         linear=linear,
         ratio=ratio,
         cautions=tuple(
@@ -158,9 +158,9 @@ def predict(
 
 
 @np.errstate(invalid="ignore")  # laws with infinite amplitudes are infinitely far apart
-def _parts(spreads: Sequence[Spread], weights: FloatArray) -> dict[str, FloatArray]:
+def _split_variance(draws: Sequence[Draws], weights: FloatArray) -> dict[str, FloatArray]:
     """Standard deviations in per cent by the law of total variance, each (forces,)."""
-    mean, within, stray, noise = map(np.array, zip(*map(_moments, spreads), strict=True))
+    mean, within, stray, noise = map(np.array, zip(*map(_find_moments, draws), strict=True))
     variances = {
         "measurement_noise": weights @ noise,
         "parameters": weights @ within,
@@ -170,19 +170,19 @@ def _parts(spreads: Sequence[Spread], weights: FloatArray) -> dict[str, FloatArr
     return {name: 100.0 * np.sqrt(variance) for name, variance in variances.items()}
 
 
-def _moments(spread: Spread) -> tuple[FloatArray, ...]:
+def _find_moments(drawn: Draws) -> tuple[FloatArray, ...]:
     """Mean of a law's ln A, and the variances of ln A, of its straying and of the noise, each (forces,)."""
-    known = np.isfinite(spread.law).any(axis=0)  # if no draw resonates, the law makes no prediction
-    law = np.where(known, spread.law, 0.0)
-    stray = np.nanvar(np.where(known, spread.stray, 0.0), axis=0)
-    return np.nanmean(law, axis=0), np.nanvar(law, axis=0), stray, np.mean(spread.noise**2, axis=0)
+    known = np.isfinite(drawn.law).any(axis=0)  # if no draw resonates, the law makes no prediction
+    law = np.where(known, drawn.law, 0.0)
+    stray = np.nanvar(np.where(known, drawn.stray, 0.0), axis=0)
+    return np.nanmean(law, axis=0), np.nanvar(law, axis=0), stray, np.mean(drawn.noise**2, axis=0)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # amplitudes may be infinite, or 0 with ln 0
-def _band(
+def _find_band(
     name: str,
     weight: float,
-    spreads: Sequence[Spread],
+    draws: Sequence[Draws],
     shares: FloatArray,
     allowed: BoolArray,
     counted: BoolArray,
@@ -195,7 +195,7 @@ def _band(
     """
     tail, ends = 0.5 * (1.0 - level), np.full((5, len(allowed)), np.nan)
     for i in np.flatnonzero(allowed):
-        pooled = join_rows([spread.at(slice(i, i + 1)) for spread in spreads])
+        pooled = join_rows([drawn.at(slice(i, i + 1)) for drawn in draws])
         total, law = pooled.total, pooled.law
         if counted[i]:
             bound = np.where(pooled.short, np.inf, -np.inf)

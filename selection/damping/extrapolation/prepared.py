@@ -21,12 +21,11 @@ NEAR = 1.0
 
 
 def near_resonance(record: Record) -> Observations:
-    """One row for each sweep, its phase resonance; every row near resonance if one level shows how damping changes.
+    """The phase resonance of each sweep; of a single level that shows how damping changes, every row near resonance.
 
-    A constant phase offset changes the energy of a row by offset times cot(phase), relative: the offset found by
-    :func:`damping.records.resonance.tabulate_resonances` is subtracted first, unless the record has an energy column.
-    Then rows between the half-power points are kept, |F cos(phase)| <= ``NEAR`` F sin(phase): beyond them the measured
-    energy is mostly phase error. A sweep without such rows keeps the row nearest to resonance.
+    A constant phase offset changes the energy of a row by offset times cot(phase), relative. It is subtracted first
+    (`without_offset`). Then rows between the half-power points are kept, |F cos(phase)| <= ``NEAR`` F sin(phase):
+    beyond them the measured energy is mostly phase error. A sweep without such rows keeps that nearest to resonance.
 
     AnalysisError: no row carries information about damping.
     """
@@ -40,8 +39,8 @@ def near_resonance(record: Record) -> Observations:
     return data if one_telling else at_resonance(data)
 
 
-def describe_rests(data: Observations, rows: int) -> tuple[str, ...]:
-    """Where weights rest on fewer than the ``rows`` that a ranking has, and what one level does not tell."""
+def describe_weights(data: Observations, rows: int) -> tuple[str, ...]:
+    """That weights are based on fewer rows than the ``rows`` of a ranking, and what one level does not show."""
     on = "resonances of the sweeps, because rows of one sweep share its error"
     on = on if len(data.A) == len(data.sweeps) else "rows between the half-power points"
     fewer = f"weights are those of the laws on the {on}; a ranking weighs them on every row"
@@ -65,7 +64,10 @@ def _describe_one_level(data: Observations, rows: int) -> str:
 
 
 def without_offset(record: Record) -> Record:
-    """The record with each sweep's phase offset subtracted; unchanged if it has no phases, or recorded energies."""
+    """The record without the phase offset of each sweep (:func:`damping.records.resonance.tabulate_resonances`).
+
+    It is unchanged if it has no phases, or recorded energies.
+    """
     if not record.has_phase or "energy" in record.frame.columns:
         return record
     offset = tabulate_resonances(record).set_index("sweep")["phase_offset"]
@@ -75,7 +77,7 @@ def without_offset(record: Record) -> Record:
 
 
 def observe_ranked(record: Record, findings: Audit) -> tuple[Observations, tuple[str, ...]]:
-    """Every row as laws are ranked on it, and notes: a phase offset that the audit finds is subtracted."""
+    """The rows that laws are ranked on, without a phase offset that the audit found; and notes on it."""
     freed = without_offset(record) if any(f.check == "phase-offset" for f in findings.findings) else record
     if freed is record:
         return observe(record), ()
@@ -113,7 +115,7 @@ class PreparedRecord:
     @property
     def notes_of_loads(self) -> tuple[str, ...]:
         """``notes``, and which rows the weights of predicted loads are based on."""
-        return (*self.notes, *describe_rests(self.data, len(self.measured.record)))
+        return (*self.notes, *describe_weights(self.data, len(self.measured.record)))
 
 
 def prepare_record(record: Record, mode: Mode | None, findings: Audit) -> PreparedRecord:

@@ -23,7 +23,7 @@ from damping.arrays import ComplexArray, FloatArray, Floats
 from damping.errors import AnalysisError
 from damping.forces.shapes import Shape
 
-#: Points of half a cycle (the other half is its opposite) for the third harmonic: to 1 % for friction, others better.
+#: Points of half a cycle, of which the other half is the opposite: the third harmonic of friction is right to 1 %.
 _THETA = np.pi * (np.arange(24) + 0.5).reshape(-1, 1, 1) / 24
 _THIRD: ComplexArray = 2j * np.exp(-3j * _THETA[:, 0, 0]) / 24
 
@@ -52,7 +52,7 @@ class Force(ABC):
     viscous: ClassVar[bool] = False
     #: Whether the force may be a term of a sum: one with a free exponent would imitate the other terms.
     sums: ClassVar[bool] = True
-    #: Forces beside which it is a candidate law if it is no term of sums; by default none, so that it is one alone.
+    #: Of a force that is no term of sums: the other forces of its candidate law.
     beside: ClassVar[tuple[str, ...]] = ()
 
     @property
@@ -208,9 +208,8 @@ def absolute(x: Floats) -> Floats:
 
 def spread(values: Floats, omega: Floats) -> Floats:
     """Values broadcast with omega."""
-    of, shape = np.shape(values), np.shape(omega)
-    spans = len(of) >= len(shape) and all(n in (1, m) for m, n in zip(of[::-1], shape[::-1], strict=False))
-    return values if spans else values * np.ones(shape)
+    shape = np.broadcast_shapes(np.shape(values), np.shape(omega))
+    return values if shape == np.shape(values) else values * np.ones(shape)
 
 
 def _add(values: list[Floats], A: Floats, omega: Floats) -> Floats:

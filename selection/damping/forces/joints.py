@@ -19,8 +19,8 @@ LIMIT = Shape("limit", LENGTH, above=0.0, prior=OfAmplitude(0.1, 1.0), label="sl
 class Coulomb(CoefficientForce):
     """g = R sgn q'; energy per cycle 4 R A (Eq 4.3.6 with p = 0). R in force.
 
-    The first harmonic is the constant 4 R/pi: friction alone has no resonant amplitude, below a force 4 R/pi there is
-    none to speak of and above it none is finite.
+    The first harmonic is the constant 4 R/pi, so friction alone has no resonant amplitude: a smaller force does not
+    move the mode, a larger one moves it without bound.
     """
 
     name: ClassVar[str] = "coulomb"
@@ -50,15 +50,15 @@ def lose_stiffness(held: Floats) -> tuple[Floats, Floats]:
 
 
 def saturate(most: Floats, held: Floats, omega: Floats) -> tuple[Floats, Floats]:
-    """C = ``most`` (1 - held) and dC/d ln A, ``held`` = limit/A up to 1: of a force that starts at the limit."""
+    """C = ``most`` (1 - held) and dC/d ln A of a force that acts above an amplitude; ``held`` is that over A, or 1."""
     return spread(most * (1.0 - held), omega), spread(np.asarray(most * held * (held < 1.0)), omega)
 
 
 @dataclass(frozen=True)
 class SlippingForce(GrowingForce):
-    """Force of joints less their ``stiffness`` times q, which is no force while they stick.
+    """Force of joints that slip, less that of the same joints stuck, ``stiffness`` times q.
 
-    The mode's frequency is that of the stuck state.
+    It is zero while they stick; the mode's frequency is that of the stuck state.
     """
 
     stiffness: Floats  #: k, what slip loses (force/length)
@@ -66,7 +66,6 @@ class SlippingForce(GrowingForce):
 
     name: ClassVar[str] = "slip"
     shapes: ClassVar[tuple[Shape, ...]] = (Shape("stiffness", FORCE / LENGTH, least=0.0), LIMIT)
-    joint: ClassVar[type[Joint]] = Joint  #: how it slips
 
     @abstractmethod
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -88,7 +87,7 @@ class SlippingForce(GrowingForce):
     @property
     def joints(self) -> tuple[Joint, ...]:
         """One joint of stiffness k that holds up to k A1."""
-        return (self.joint(self.stiffness, self.limit),)
+        return (Joint(self.stiffness, self.limit),)
 
 
 @dataclass(frozen=True)
@@ -120,10 +119,6 @@ class Slip(SlippingForce):
     def _held(self, A: Floats) -> Floats:
         """A1/A, 1 while the joint sticks."""
         return self.limit / np.maximum(A, self.limit)
-
-    def quadrature(self, A: Floats, omega: Floats) -> Floats:
-        """C: see `averages`."""
-        return spread(self.scale(A, omega) * (1.0 - self._held(A)), omega)
 
     def scale(self, A: Floats, omega: Floats) -> Floats:
         """The saturation 4 k A1/pi: C is zero while the joint sticks."""

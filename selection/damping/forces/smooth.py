@@ -69,7 +69,7 @@ def _tabulate() -> FloatArray:
 def _average(r: FloatArray) -> FloatArray:
     """C, dC/d ln A, S, dS/d ln A and the third harmonic, over ln(A/A1), (1801, 6), at a relief 1 + r.
 
-    Of unit k A. All are divided by a/(1 + a)^2, S and its slope by a/(1 + a): so they tend to constants.
+    They are over k A and then over `_scale`, so that they tend to constants at both ends of the table.
     """
     a = np.exp(_LN_RATIO)
     Z = _stretch_at_turn(a, r)
@@ -93,7 +93,7 @@ def _average(r: FloatArray) -> FloatArray:
 
 
 def _scale(a: FloatArray) -> FloatArray:
-    """By what the entries of the table are divided, (..., 6)."""
+    """The size of each entry of the table, (..., 6): a/(1 + a) for S and its slope, a/(1 + a)^2 for the others."""
     partial, full = a / (1.0 + a), a / (1.0 + a) ** 2
     return np.stack([full, full, partial, partial, full, full], axis=-1)
 

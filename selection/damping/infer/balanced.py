@@ -1,8 +1,8 @@
 """The posterior of a law over variables in which a few ellipsoids cover it, for importance sampling and chains.
 
-For any other parameters, data fix the total force to within the scatter and straying of the levels. Over the variables
-x of a law (:mod:`damping.infer.law`) the posterior is therefore a thin curved sheet. It is flat over z, which equals x
-except for the first variable:
+Given all other parameters, data fix the total force within the scatter and straying of the levels. Over the variables x
+of a law (:mod:`damping.infer.law`) the posterior is therefore thin and curved. It is neither over z, in which x_1, the
+logarithm of the total, is counted from the value t that fits best:
 
     x_1 = t + s z_1,      t = sum_l a_l t_l,     a = S^-1 1/(1' S^-1 1),      s = sqrt(levels/1' S^-1 1)/median scatter.
 
@@ -61,7 +61,7 @@ class Balanced:
 
     def log_density(self, z: FloatArray) -> FloatArray:
         """Unnormalised log posterior density at points z (points, dimension); ``-inf`` beyond ``REACH``."""
-        balance = self._balance_around(z)
+        balance = self._prepare(z)
         x, row = balance.x, self.coordinates.scatter(balance.x)[0]
 
         def weigh(points: slice) -> FloatArray:
@@ -79,18 +79,18 @@ class Balanced:
     def find_points(self, z: FloatArray) -> FloatArray:
         """x at z, (points, dimension)."""
         new = np.append(True, (z[1:] != z[:-1]).any(axis=1))  # resampled draws repeat
-        x, s = self._find_sheet(z[new])
+        x, s = self._find_best_totals(z[new])
         x[:, 0] += s * z[new, 0]
         return np.asarray(x[np.cumsum(new) - 1])
 
     def find_variables(self, x: FloatArray) -> FloatArray:
         """z at x, (points, dimension)."""
-        sheet, s = self._find_sheet(x)
-        return np.column_stack([(x[:, 0] - sheet[:, 0]) / s, x[:, 1:]])
+        best, s = self._find_best_totals(x)
+        return np.column_stack([(x[:, 0] - best[:, 0]) / s, x[:, 1:]])
 
-    def _find_sheet(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _find_best_totals(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """x at z (points, dimension) with z_1 = 0; and s (points,)."""
-        balance = self._balance_around(z)
+        balance = self._prepare(z)
 
         def find_total(points: slice) -> FloatArray:
             C, _ = find_averages(self.coordinates.join(balance.parts, points), self.data)
@@ -99,7 +99,7 @@ class Balanced:
         balance.x[:, 0] = by_blocks(find_total, len(z), len(self.data.A))
         return balance.x, balance.s
 
-    def _balance_around(self, z: FloatArray) -> _Balance:
+    def _prepare(self, z: FloatArray) -> _Balance:
         """All that does not depend on z_1."""
         x = np.clip(z, -REACH, REACH, order="F")
         x[:, 0] = 0.0

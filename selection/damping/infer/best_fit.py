@@ -47,7 +47,7 @@ SHAPE_GRID = (np.arange(24) + 0.5) / 24.0
 EXTREME = (0.001, 0.999)
 SHAPE_STEP = 2e-3
 REFINED_POINTS = 9  #: points of each axis in a refinement, from one neighbour of the best point to the other
-MOST = 30_000  #: most rows times shape points solved at once: arrays stay within a megabyte
+MOST_SOLVED = 30_000  #: most rows times shape points solved at once: arrays stay within a megabyte
 
 
 @dataclass(frozen=True)
@@ -192,7 +192,7 @@ def _solve_all(
     points: dict[int, FloatArray], problems: Sequence[Problem], steady: float
 ) -> dict[int, tuple[FloatArray, FloatArray]]:
     """Coefficients >= 0 (points, parts) and sums of squares (points,) of each law at its points (points, shapes)."""
-    most = max(1, MOST // (len(problems[0][1].A) * max(len(x) for x in points.values())))
+    most = max(1, MOST_SOLVED // (len(problems[0][1].A) * max(len(x) for x in points.values())))
     solved: dict[int, tuple[FloatArray, FloatArray]] = {}
     for first in range(0, len(points), most):
         batch = list(points)[first : first + most]

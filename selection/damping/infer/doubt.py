@@ -54,9 +54,9 @@ OTHER_FALLS = np.array([0.03, 0.3, 3.0, 30.0])
 OTHER_SHARES = np.array([0.7, 0.1, 0.1, 0.1])
 #: Prior median of the relative scatter of a measured resonance frequency, with the weight of one level.
 FREQUENCY_SCATTER = 3e-4
-#: Where a joint is excluded, upward straying is smaller by this factor: above 1.4 a damper that saturates exceeds the
+#: Factor by which upward straying is smaller where a joint is excluded: above 1.4 a damper that saturates exceeds the
 #: band in a fifth of trials.
-STEADY = 1.3
+WITHOUT_JOINT = 1.3
 #: Least standard deviation of ln slope, far beyond the test, for a joint about to slip fully, times posterior over
 #: prior probability of a joint less 1. Straying is widened where the levels give less.
 LETS_GO = 0.45
@@ -124,7 +124,7 @@ def stray_covariance(z: FloatArray, other: FloatArray, origin: float) -> FloatAr
 
 def stray(
     sigma: FloatArray,
-    left: FloatArray,
+    residual: FloatArray,
     noise: Callable[[slice], FloatArray],
     at: FloatArray,
     within: FloatArray,
@@ -139,62 +139,59 @@ def stray(
 
     Args:
         sigma: of each draw, (draws,).
-        left: ln A of the levels less the law's, (draws, levels).
+        residual: ln A of the levels less the law's, (draws, levels).
         noise: covariance of its errors at a slice of the draws, (draws, levels, levels).
         at, within, beyond: ln F of the levels and of the places, rising.
     """
     number = len(sigma)
-    of_levels, to_levels, follow, directions, sd_within, root = _follow_levels(tuple(at), tuple(within), tuple(beyond))
+    followed = _follow_levels(tuple(at), tuple(within), tuple(beyond))
     by_levels, by_beyond, by_within, by_errors = rng.spawn(4)
     points = ndtri(np.clip((np.arange(number)[:, None] * _STEPS + rng.random(len(_STEPS))) % 1.0, 1e-12, 1.0 - 1e-12)).T
     x, outward = by_levels.standard_normal((len(at), number)), by_beyond.standard_normal((len(beyond), number))
     outward[:_STEPS_BEYOND] = points[:_STEPS_BEYOND][: len(beyond)]
     x[: -len(_STEPS) + _STEPS_BEYOND - 1 : -1] = points[_STEPS_BEYOND:][: len(at)]
-    levels = (directions @ x).T
-    drawn = levels @ follow.T
-    drawn[:, len(within) :] += (root @ outward).T
-    drawn[:, : len(within)] += by_within.standard_normal((number, 1)) * sd_within
+    levels = (followed.directions @ x).T
+    drawn = levels @ followed.mean.T
+    drawn[:, len(within) :] += (followed.root_beyond @ outward).T
+    drawn[:, : len(within)] += by_within.standard_normal((number, 1)) * followed.sd_within
 
     drawn *= sigma[:, None]
-    random, gained = by_errors.standard_normal((number, len(at), 1)), np.empty((number, len(to_levels), 2))
+    random, gained = by_errors.standard_normal((number, len(at), 1)), np.empty((*drawn.shape, 2))
     step = max(1, _MOST_COVARIANCES // len(at) ** 2)
     for part in (slice(first, first + step) for first in range(0, number, step)):
         own, size = noise(part), sigma[part, None]
-        errors = (find_root(own) @ random[part])[..., 0]
-        square = (size**2)[..., None] * of_levels + own
-        wanted = np.stack([left[part], left[part] - size * levels[part] - errors], axis=-1)
-        gained[part] = to_levels @ np.linalg.solve(square, wanted) * (size**2)[..., None]
+        errors = (np.linalg.cholesky(own) @ random[part])[..., 0]
+        square = (size**2)[..., None] * followed.of_levels + own
+        wanted = np.stack([residual[part], residual[part] - size * levels[part] - errors], axis=-1)
+        gained[part] = followed.to_levels @ np.linalg.solve(square, wanted) * (size**2)[..., None]
     gained[..., 1] += drawn
     return gained[..., 0], gained[..., 1]
 
 
-def find_root(noise: FloatArray) -> FloatArray:
-    """Cholesky factors of covariances (draws, levels, levels), at once where levels have errors of their own alone."""
-    own = np.einsum("dll->dl", noise)
-    if np.count_nonzero(noise) > np.count_nonzero(own):
-        return np.asarray(np.linalg.cholesky(noise))
-    root = np.zeros_like(noise)
-    np.einsum("dll->dl", root)[:] = np.sqrt(own)
-    return root
+class _Followed(NamedTuple):
+    """How g at places, those within the test first, follows g at the levels; for sigma = 1."""
+
+    of_levels: FloatArray  #: covariance of the levels, (levels, levels)
+    to_levels: FloatArray  #: covariance of places and levels, (places, levels)
+    mean: FloatArray  #: mean at the places per g at the levels, (places, levels)
+    directions: FloatArray  #: principal directions of the levels times standard deviations, (levels, levels)
+    sd_within: FloatArray  #: standard deviations within the test, given the levels
+    root_beyond: FloatArray  #: Cholesky factor of the covariance beyond the test, given the levels
 
 
 @lru_cache(maxsize=16)  # shared by all laws on a record
-def _follow_levels(
-    at: tuple[float, ...], within: tuple[float, ...], beyond: tuple[float, ...]
-) -> tuple[FloatArray, ...]:
-    """Of g for sigma = 1, arguments as in `stray`: covariance of the levels, of places and levels, mean at places for
-    g of levels, directions of levels times standard deviations; given the levels, standard deviations within the test
-    and Cholesky factor beyond it."""
+def _follow_levels(at: tuple[float, ...], within: tuple[float, ...], beyond: tuple[float, ...]) -> _Followed:
+    """How g follows the levels; arguments as in `stray`."""
     levels, places, origin = np.array(at), np.array([*within, *beyond]), float(np.mean(at))
     of_levels, to_levels = stray_covariance(levels, levels, origin), stray_covariance(places, levels, origin)
-    follow = to_levels @ np.linalg.pinv(of_levels, rcond=_ROUNDING, hermitian=True)
-    rest = stray_covariance(places, places, origin) - follow @ to_levels.T
+    mean = to_levels @ np.linalg.pinv(of_levels, rcond=_ROUNDING, hermitian=True)
+    rest = stray_covariance(places, places, origin) - mean @ to_levels.T
     variance, directions = np.linalg.eigh(of_levels)
     directions *= np.copysign(1.0, directions[-1])  # a sign that does not depend on rounding
-    root = np.linalg.cholesky(rest[len(within) :, len(within) :] + _ROUNDING * np.eye(len(beyond)))
+    outer = rest[len(within) :, len(within) :] + _ROUNDING * np.eye(len(beyond))
     sd_within = np.sqrt(np.maximum(np.diag(rest)[: len(within)], 0.0))
     directions = directions * np.sqrt(np.maximum(variance, 0.0))
-    return tuple(map(np.asarray, (of_levels, to_levels, follow, directions, sd_within, root)))
+    return _Followed(of_levels, to_levels, mean, directions, sd_within, np.asarray(np.linalg.cholesky(outer)))
 
 
 def nonlinearity(p: FloatArray) -> FloatArray:
@@ -260,7 +257,7 @@ def extend(
             np.nan_to_num(np.diff(log_A, axis=1) / step, nan=np.inf), SLOPES[0], OF_FRICTION if of_decay else SLOPES[1]
         )
     delta = np.diff(strays, axis=1) / step
-    grown = np.where(delta > 0.0, STEEPER * STEADY ** min(lean, 0.0), 1.0) * delta / q
+    grown = np.where(delta > 0.0, STEEPER * WITHOUT_JOINT ** min(lean, 0.0), 1.0) * delta / q
     if lets_go:
         near = np.interp(joint.fall, [0.0, *FALLS_AT_GO], [0.0, 1.0, 1.0]) / max(joint.fall / FALLS_AT_GO[1], 1.0)
         bent = np.minimum(np.abs(q[:, :1] - 1.0) / BENT, 1.0)

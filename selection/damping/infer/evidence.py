@@ -7,6 +7,7 @@ Steps are scaled to the posterior width, which is tiny for good data.
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
+from itertools import product
 
 import numpy as np
 
@@ -30,7 +31,7 @@ START_BITS = 12  #: binary digits of the start of the search, so that rounding i
 #: Prior points, the best of which starts a second search.
 STARTS = 512
 #: Standard normal variables of scatters and doubt at which the search from the best fit may start.
-SCORES = np.array([-2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
+SCORES = (-2.0, -1.0, 0.0, 1.0, 2.0, 3.0)
 APART = 1.0  #: distance, in joint standard deviations, from which two modes are distinct
 BARRIER = 1e8  #: finite value for an impossible law in the search
 
@@ -84,25 +85,12 @@ def list_starts(posterior: Balanced, start: FloatArray) -> tuple[FloatArray, Flo
     """
     coordinates, z = posterior.coordinates, posterior.find_variables(start[None])[0]
     vary = [i for i, name in enumerate(coordinates.names) if name in ("doubt", "scatter", "level_scatter")]
-    scores = _list_scores(len(vary))
+    scores = np.array(list(product(SCORES, repeat=len(vary))))
     fitted = np.repeat(z[None], 1 + len(scores), axis=0)
-    fitted[1:, 0] = 0.0
     fitted[1:, vary] = scores
-    return fitted, _draw_anywhere(z.size)
-
-
-@cache
-def _list_scores(number: int) -> FloatArray:
-    """Every combination of ``SCORES`` for a number of variables, (combinations, number)."""
-    return np.array(np.meshgrid(*[SCORES] * number)).reshape(number, -1).T
-
-
-@cache
-def _draw_anywhere(d: int) -> FloatArray:
-    """Prior points of a law that fits in the mean, (``STARTS``, d)."""
-    points = np.random.default_rng(0).standard_normal((STARTS, d))
-    points[:, 0] = 0.0
-    return points
+    anywhere = np.random.default_rng(0).standard_normal((STARTS, z.size))
+    fitted[1:, 0] = anywhere[:, 0] = 0.0  # a law that fits in the mean
+    return fitted, anywhere
 
 
 def find_modes(log_density: LogDensity, fitted: FloatArray, anywhere: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -92,7 +92,7 @@ class Law:
         return all(part.example.viscous for part in self.parts)
 
 
-#: Points of parts: all, a block of them, or each with an axis to broadcast with rows.
+#: Selection of the points of parts: all, a block of them, or all with an axis that broadcasts with rows.
 Index: TypeAlias = EllipsisType | slice | tuple[EllipsisType, None]
 EACH_WITH_ROWS: Index = (..., None)
 #: A component, its leading coefficient and its shapes by name, arrays of one shape.
@@ -206,7 +206,7 @@ class Coordinates:
 
     @staticmethod
     def join(parts: Sequence[Part], points: Index = ...) -> Sum:
-        """The force of the parts from ``find_parts``, at some of their points; its parameters have no axis of rows."""
+        """The force of the parts from `find_parts` at some of their points."""
         return Sum(
             tuple(part.build(c[points], **{name: x[points] for name, x in shapes.items()}) for part, c, shapes in parts)
         )
@@ -229,7 +229,7 @@ class Coordinates:
         return np.asarray(sigma * nonlinearity(self.exponents(x, parts)))
 
     def stray(self, x: FloatArray, parts: Sequence[Part] = ()) -> FloatArray:
-        """:meth:`doubt` as it moves levels: in ln A, or for a decay in ln F, by p times as much."""
+        """:meth:`doubt` as it moves the quantity that levels are judged by: ln A, or p times that, ln F, in a decay."""
         doubt = self.doubt(x, parts)
         return doubt * np.nan_to_num(self.exponents(x, parts)).mean(axis=-1) if self.of_decay else doubt
 

@@ -25,8 +25,8 @@ from damping.records.runs import ERROR_OF_RISE
 #: Most rows and sweeps of a record, so that laws are fitted in minutes, not hours.
 MOST_ROWS = 20_000
 MOST_SWEEPS = 100
-#: Binary digits of observations for sampling, and for best fits. Rounding in other units is a hundred million times
-#: smaller and hardly ever changes one of them; if one changes, draws differ entirely. Best fits are less sensitive.
+#: Binary digits to which observations are rounded for sampling, and for best fits. The rounding errors of other units,
+#: a hundred million times smaller, then hardly ever change one; a single change gives entirely different draws.
 DRAWN_BITS = 26
 FITTED_BITS = 40
 ROUNDING = 1e-14  #: relative difference of two squares taken as rounding

@@ -3,10 +3,10 @@
 This module prepares measured rows for fitting: base excitation becomes a force, and swept rows become steady states.
 
 A base acceleration a drives the relative motion q by the modal force p m a, with participation p: m q'' + C + K q =
-p m a. Divided by p m, this is a mode of mass 1/p under the force a. A record of a and q determines all of it: the mass
-1/p is the slope of a/q against frequency squared, and damping coefficients are over p m. The response at a design
-acceleration does not depend on p; only the damping ratio does, and includes its uncertainty. The base drives added
-masses too, see :mod:`damping.records.base_drive`.
+p m a. Divided by p m, this is a mode of mass 1/p under the force a, with damping coefficients over p m. A record of a
+and q determines it: 1/p is the slope of a/q against frequency squared. The response at a design acceleration does not
+depend on p; the damping ratio does, and includes its uncertainty. The base drives added masses too, see
+:mod:`damping.records.base_drive`.
 """
 
 from dataclasses import dataclass, replace

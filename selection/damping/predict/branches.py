@@ -23,7 +23,6 @@ from damping.predict.steady import SteadyState, balance, bisect, bracketed_newto
 #: Amplitudes searched, in units of the static deflection F/K: 16 decades, 60 points in each.
 _GRID = np.linspace(-8.0, 8.0, 961) * np.log(10.0)
 _FEWEST_STEPS = 2000  #: fewest steps over a whole sweep, so that a branch moves little in each
-
 _BLOCK = 2048  #: frequencies computed together, to limit memory
 
 #: ln(|Z| A) - ln F and its derivative in ln A, at points and rows of frequencies.
@@ -59,7 +58,7 @@ def branches(force: Force, F: float, omega: FloatArray, M: float, omega_n: float
         M, omega_n: mode.
     """
     omega = np.asarray(omega, dtype=float)
-    blocks = [_roots(force, F, omega, start, M, omega_n) for start in range(0, omega.size, _BLOCK)]
+    blocks = [_find_roots(force, F, omega, start, M, omega_n) for start in range(0, omega.size, _BLOCK)]
     row, roots = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
     table = by_row(row, np.exp(roots), omega.size)
     filled = ~np.isnan(table)
@@ -101,7 +100,7 @@ def followed(states: Branches, between: int, direction: Literal["up", "down"]) -
     return SteadyState(amplitude=amplitude, phase=np.where(known, states.phase[rows, choice], np.nan))
 
 
-def _roots(
+def _find_roots(
     force: Force, F: float, omega: FloatArray, start: int, M: float, omega_n: float
 ) -> tuple[IntArray, FloatArray]:
     """Rows and ln A of every root in the block of frequencies that begins at row ``start``."""
@@ -121,13 +120,13 @@ def list_roots(level: Level, u: FloatArray, rows: int) -> tuple[IntArray, FloatA
     """Rows and positions of every root of ``level`` between points of the grid ``u``, sorted by row and position."""
     with np.errstate(all="ignore"):
         value, derivative = level(u, np.arange(rows)[:, np.newaxis])
-        row, low, high = _brackets(level, u, value, derivative)
+        row, low, high = _find_brackets(level, u, value, derivative)
         roots = bracketed_newton(lambda points: level(points, row), low, high)
     order = np.lexsort((roots, row))
     return row[order], roots[order]
 
 
-def _brackets(
+def _find_brackets(
     level: Level, u: FloatArray, value: FloatArray, derivative: FloatArray
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Rows and ends of all cells, or halves of cells cut at an extremum, over which the value changes sign."""

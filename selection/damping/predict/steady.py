@@ -19,9 +19,9 @@ import numpy as np
 from damping.arrays import FloatArray, Floats, take_rows
 from damping.forces.contract import Force
 
-#: A Newton step below this leaves an error near its square, below rounding for an unknown of order one (ln A),
+#: A Newton step below this ends the search: it leaves an error near its square, below rounding for ln A of order one.
 SMALL_STEP = 1e-8
-#: if the value, a logarithm, is as near zero as this: beside a kink a short step alone proves nothing.
+#: Largest value, a logarithm, at such an end: beside a kink a step may be short far from the root.
 SMALL_VALUE = 1e-6
 #: Largest ratio of a Newton step to the step before; bisection converges faster than a larger one.
 SHRINKING = 0.9
@@ -147,7 +147,7 @@ def resonant_amplitude(force: Force, F: Floats, omega: Floats, near: Floats = 1.
 
         # ln C of growing powers is convex in ln A and nearly straight: Newton's method converges from any start
         start = np.broadcast_to(np.clip(np.nan_to_num(np.log(near)), -_WIDEST, _WIDEST), shape) if grows else None
-        return np.exp(bracketed_newton(excess, *_scan(force, target, omega, grid), start, rising=True))
+        return np.exp(bracketed_newton(excess, *_find_rise(force, target, omega, grid), start, rising=True))
 
 
 def phase_resonance(force: Force, F: Floats, M: Floats, omega_n: Floats) -> tuple[FloatArray, FloatArray]:
@@ -188,8 +188,8 @@ def steady_state(force: Force, F: Floats, omega: Floats, M: Floats, omega_n: Flo
         return SteadyState(amplitude=A, phase=phase_lag(force, A, omega, M, omega_n))
 
 
-def _scan(force: Force, target: FloatArray, omega: Floats, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """ln A below and above the first rise of C through F between points of a grid; NaN if there is none."""
+def _find_rise(force: Force, target: FloatArray, omega: Floats, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points of a grid in ln A between which C first rises through F; NaN if it does not. ``target``: ln F."""
     low, high = np.full(target.shape, np.nan), np.full(target.shape, np.nan)
     below = np.zeros(target.shape, dtype=bool)
     for before, u in zip(np.roll(grid, 1), grid, strict=True):

@@ -26,14 +26,12 @@ from damping.records.record import Record
 from damping.records.rows import list_rates
 from damping.records.runs import runs_of
 
-#: (df/dt)/(2 zeta f)^2 below which peaks are not corrected: they are off by less, 0.1 % in amplitude, than the noise
-#: that a correction adds.
+#: (df/dt)/(2 zeta f)^2 below which peaks are not corrected: their error, 0.1 % in amplitude, is below the noise that a
+#: correction adds.
 SLOW = 0.05
 _STEP = 0.15  # change of the transient's phase between two points of the integration, rad
-#: Least rate in standard errors that is accepted,
-_KNOWN = 5.0
-#: if its misfit is below this share of that of steady states whose stiffness changes with amplitude.
-_BETTER = 0.6
+_KNOWN = 5.0  # least rate, in standard errors, that is accepted
+_BETTER = 0.6  # largest misfit of an accepted rate, over that of steady states whose stiffness changes with amplitude
 _FEWEST = 5  # fewest rows of a sweep
 _MOST_ROWS = 3000  # most rows in which an unknown rate is estimated: a matter of seconds
 _LARGEST_STEPS = 20_000
@@ -90,10 +88,8 @@ def envelope(
         rest = -(force / mass) / lead / decay
         amplitude = rest + (amplitude - rest) * np.exp(decay * dt)
         a[k + 1] = amplitude
-    at = np.log(frequency / start)
     order = np.argsort(x)
-    real, imag = (np.interp(at, x[order], part[order]) for part in (a.real, a.imag))
-    return np.asarray(real + 1j * imag)
+    return np.asarray(np.interp(np.log(frequency / start), x[order], a[order]))
 
 
 def correct_rate(record: Record, mass: float) -> Record:
@@ -109,6 +105,7 @@ def correct_rate(record: Record, mass: float) -> Record:
 
 
 def _tabulate_corrected(rows: pd.DataFrame, mass: float) -> pd.DataFrame:
+    """The rows of one sweep near its peak, with the force F_e of the module and the phase behind it."""
     rows = rows.sort_values("frequency").reset_index(drop=True)
     near = rows["amplitude"].to_numpy() >= NEAR * rows["amplitude"].max()
     if not rows["sweep_rate"].any():

@@ -22,6 +22,7 @@ from damping.infer.evidence import Estimate, evidence
 from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
+from damping.progress import nothing
 from damping.ranking.candidates import (
     Coefficient,
     candidate_laws,
@@ -116,7 +117,7 @@ def rank_laws(
     data: Observations,
     seed: int = 0,
     laws: Sequence[Law] | None = None,
-    done: Callable[[str], None] = lambda name: None,
+    done: Callable[[str], None] = nothing,
     estimate: Estimate = evidence,
     hold_out: bool = True,
     power_draws: float = POWER_DRAWS,
@@ -144,7 +145,7 @@ def weigh_laws(
     data: Observations,
     seed: int,
     laws: Sequence[Law],
-    done: Callable[[str], None] = lambda name: None,
+    done: Callable[[str], None] = nothing,
     estimate: Estimate = evidence,
 ) -> Ranking:
     """Rank candidates as in `rank_laws`, without their coefficients and errors."""

@@ -9,8 +9,8 @@ from scipy.special import ndtri
 
 from damping.arrays import FloatArray, IntArray
 from damping.errors import AnalysisError
-from damping.forces import CATALOGUE, Component
-from damping.forces.contract import Force, Sum
+from damping.forces import CATALOGUE
+from damping.forces.contract import Force
 from damping.infer.best_fit import BestFit, build_force, fit_laws
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
@@ -68,7 +68,7 @@ def group_equivalents(fits: Sequence[BestFit], data: Observations) -> list[list[
     noise, omega, force = _learn_noise(fits, data), data.tested_omega[data.top], BEYOND * data.tested_force[data.top]
     order = sorted(fits, key=lambda fit: len(fit.law.parts))
     n = np.array([fit.n for fit in order])
-    beyond = np.log(_predict_all(order, force, omega))
+    beyond = np.log([float(resonant_amplitude(fit.force, force, omega)) for fit in order])
     groups: dict[int, list[BestFit]] = {}
     for i, fit in enumerate(order):
         leaders = np.array([*groups], int)
@@ -81,26 +81,6 @@ def group_equivalents(fits: Sequence[BestFit], data: Observations) -> list[list[
         else:
             groups[i] = [fit]
     return list(groups.values())
-
-
-def _predict_all(fits: Sequence[BestFit], force: float, omega: float) -> FloatArray:
-    """Resonant amplitude of each fit, (fits,); fits of several terms at once, with coefficient 0 for missing terms."""
-    amplitude, several = np.empty(len(fits)), [i for i, fit in enumerate(fits) if len(fit.law.parts) > 1]
-    for i, fit in enumerate(fits):
-        if i not in several:
-            amplitude[i] = resonant_amplitude(fit.force, force, omega)
-    named = dict[str, tuple[Component, FloatArray, dict[str, FloatArray]]]()
-    for place, i in enumerate(several):
-        for part, coefficient, shapes in zip(fits[i].law.parts, fits[i].coefficients, fits[i].shapes, strict=True):
-            values = {name: np.full(len(several), value) for name, value in shapes.items()}
-            _, coefficients, known = named.setdefault(part.name, (part, np.zeros(len(several)), values))
-            coefficients[place] = coefficient
-            for name, value in shapes.items():
-                known[name][place] = value
-    if several:
-        every = Sum(tuple(part.build(c, **values) for part, c, values in named.values()))
-        amplitude[several] = resonant_amplitude(every, force, omega)
-    return amplitude
 
 
 MOST_FOLDS = 20  #: most fits of a law without some of the sweeps

@@ -3,10 +3,11 @@
 Weights only compare laws with each other: they add to one even on noise. Two tests of the residuals n of a best fit
 give the p-value, the smaller of both doubled (Bonferroni):
 
-- size: T = n^T V^-1 n against chi-square, averaged over the scatter in V = diag(s^2) + s_l^2 h h^T (predictive check of
-  Gelman, Meng and Stern 1996, with the prior of the scatter, since the misfit would inflate a posterior). s is the
-  stated uncertainty, else drawn from the prior, and at least the noise in second differences along the sweeps, which a
-  smooth misfit does not change, up to ``ROUGHEST``. Where any uncertainty is stated, the law is also fitted under V;
+- size: T = n^T V^-1 n against chi-square, averaged over the scatters in V = diag(s^2) + s_l^2 h h^T (predictive check
+  of Gelman, Meng and Stern 1996, with the prior of the scatters, since the misfit would inflate a posterior). s is the
+  stated uncertainty, else drawn from the prior. It is at least the noise (up to ``ROUGHEST``) in second differences
+  along the sweeps, which a smooth misfit does not change. Where any uncertainty is stated, the law is also fitted
+  under V, and the larger p-value counts;
 - runs: the number of runs of one sign along the sweeps (Wald and Wolfowitz 1940), small for a smooth misfit; used only
   for a misfit above a few per cent, which laws of a few terms leave on real structures.
 """

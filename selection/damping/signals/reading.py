@@ -30,11 +30,10 @@ _PART = 1e-3  #: share of an uncertainty by which a column is moved; the relativ
 
 
 def condition_steps(raw: pd.DataFrame, description: Description) -> tuple[ConditioningStep, ...]:
-    """All steps of a test; the last one's ``after`` is the record.
+    """The steps of `condition`, and one that adds uncertainties if the raw table states them (>= 0).
 
-    If the raw table states uncertainties (>= 0), one more step adds ``NAME_sd`` to the record: ``force_sd``,
-    ``amplitude_sd`` and ``phase_sd`` if the uncertainty of that reading is stated, and 0 (none) in rows in which it is
-    stated as 0; ``energy_sd`` and ``xi_sd`` accompany ``amplitude_sd``.
+    It adds ``force_sd``, ``amplitude_sd`` and ``phase_sd`` to the record if the uncertainty of that reading is stated,
+    and 0 (none) in rows in which it is stated as 0; ``energy_sd`` and ``xi_sd`` accompany ``amplitude_sd``.
 
     AnalysisError: a damping factor that vanishes when a reading is moved.
     """

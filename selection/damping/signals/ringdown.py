@@ -40,12 +40,12 @@ from damping.signals.releases import (
 from damping.signals.windows import (
     PERIODS,
     Window,
+    average_groups,
     describe_elsewhere,
     describe_flat,
-    even_times,
-    flat_window,
-    noise_beside,
-    thinned,
+    make_flat_window,
+    measure_noise,
+    space_evenly,
 )
 
 LEVELS = 16  #: most levels of amplitude that a decay is split into
@@ -116,21 +116,21 @@ def ring_down(
     """
     if not (periods >= 4.0 and levels >= 1):
         raise InputError("the window or the levels are too few", expected="at least 4 periods and 1 level")
-    t, x = _part(np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64), start, end)
+    t, x = _select(np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64), start, end)
     if (limit := find_limit(x)) is not None:
         why = f"the readings repeatedly stay at {limit:.4g}: they are clipped, so their amplitude and decay are lost"
         raise AnalysisError(f"{why}; choose a part without (--start), or another range")
-    t, x, dt, jitter = even_times(t, x, frequency)
-    t, x = thinned(t, x, dt, frequency)
+    t, x, dt, jitter = space_evenly(t, x, frequency)
+    t, x = average_groups(t, x, dt, frequency)
     dt = float(t[1] - t[0])
-    window = flat_window(frequency, periods, dt)
+    window = make_flat_window(frequency, periods, dt)
     if len(x) < 2 * len(window.offsets):
         has = len(x) * dt * frequency
         raise AnalysisError(f"the record has {has:.3g} periods, of which {2 * periods:g} are needed")
     x = x - np.mean(x)
     z = window.analytic(x)
     times = t[0] + (np.arange(len(z)) + len(window.offsets) // 2) * dt
-    noise = noise_beside(window, x, z)
+    noise = measure_noise(window, x, z)
     first = 0 if start is not None else find_release(x, z, window, frequency * dt)
     last = first + int(next(iter(np.flatnonzero(np.abs(z[first:]) <= ABOVE_NOISE * noise)), len(z) - first))
     size, peak = float(np.abs(z[first])), int(np.argmax(np.abs(x)))
@@ -138,7 +138,7 @@ def ring_down(
     others = "" if start is not None else describe_releases(times, x, z, window, frequency * dt, least)
     try:
         _refuse_growth(times[first:last], np.abs(z[first:last]))
-        kept, notes = _levels(times[first:last], z[first:last], levels, window, noise, order)
+        kept, notes = _fit_levels(times[first:last], z[first:last], levels, window, noise, order)
     except AnalysisError as error:
         blows = f"; of several blows {others} takes each" if others else ""
         raise AnalysisError(f"{error}{blows}{describe_elsewhere(x, dt, frequency)}") from None
@@ -153,7 +153,7 @@ def ring_down(
     shift = float(kept["omega"].iloc[0] / kept["omega"].iloc[-1]) - 1.0
     lost += describe_flat(window, x[first : last + len(window.offsets) - 1], z[first:last], order, shift)
     lost += describe_beat(kept[kept["A"] >= again / GROWN])
-    return _decay(kept, mass, noise, [*jitter, *lost, *notes])
+    return _balance_energy(kept, mass, noise, [*jitter, *lost, *notes])
 
 
 def _refuse_growth(t: FloatArray, size: FloatArray) -> None:
@@ -164,7 +164,8 @@ def _refuse_growth(t: FloatArray, size: FloatArray) -> None:
         raise report_growth(float(t[int(np.argmin(size[: grown[0]]))]))
 
 
-def _part(t: FloatArray, x: FloatArray, start: float | None, end: float | None) -> tuple[FloatArray, FloatArray]:
+def _select(t: FloatArray, x: FloatArray, start: float | None, end: float | None) -> tuple[FloatArray, FloatArray]:
+    """The samples from ``start`` to ``end``. InputError: fewer than two."""
     keep: BoolArray = (t >= (-np.inf if start is None else start)) & (t <= (np.inf if end is None else end))
     if np.count_nonzero(keep) < 2:
         has = f"{t[0]:g} to {t[-1]:g} s" if len(t) else "a time history"
@@ -172,7 +173,7 @@ def _part(t: FloatArray, x: FloatArray, start: float | None, end: float | None) 
     return (t, x) if keep.all() else (t[keep], x[keep])
 
 
-def _edges(amplitude: FloatArray, levels: int, least: int) -> list[int]:
+def _find_edges(amplitude: FloatArray, levels: int, least: int) -> list[int]:
     """Samples that bound levels of equal amplitude ratio, each at least ``least`` samples long."""
     edges = [0]
     if len(amplitude) == 0 or not amplitude.all():
@@ -187,18 +188,18 @@ def _edges(amplitude: FloatArray, levels: int, least: int) -> list[int]:
     return edges
 
 
-def _levels(
+def _fit_levels(
     t: FloatArray, z: ComplexArray, levels: int, window: Window, noise: float, order: int
 ) -> tuple[pd.DataFrame, list[str]]:
-    """The usable levels; their number is halved and their length doubled while noise hides the slope of most.
+    """The usable levels, one row each with the columns ``_LEVEL``, and notes on the others.
 
-    One row each: middle ``t``, ``A``, ``omega``, ``delta``, ``turn`` d omega/dt, standard errors of ln A and delta,
-    ``bend`` of ln |z|.
+    While noise hides the slope of most levels, half as many are tried, each twice as long.
     """
     while True:
-        edges = _edges(np.abs(z), levels, len(window.offsets) // 2)
-        cut = pd.DataFrame([_level(t[a:b], z[a:b], window, noise, order) for a, b in pairwise(edges)], columns=_LEVEL)
-        kept, notes = _kept(cut)
+        edges = _find_edges(np.abs(z), levels, len(window.offsets) // 2)
+        fitted = [_fit_level(t[a:b], z[a:b], window, noise, order) for a, b in pairwise(edges)]
+        cut = pd.DataFrame(fitted, columns=_LEVEL)
+        kept, notes = _keep_known(cut)
         if 2 * len(kept) >= len(cut) or levels == 1:
             break
         levels //= 2
@@ -215,11 +216,12 @@ def _levels(
     return kept, notes
 
 
+#: Middle of a level, amplitude, frequency, decay rate, d omega/dt, standard errors of ln A and delta, bend of ln |z|.
 _LEVEL = ("t", "A", "omega", "delta", "turn", "sd_logarithm", "sd_delta", "bend")
 
 
-def _level(t: FloatArray, z: ComplexArray, window: Window, noise: float, order: int) -> tuple[float, ...]:
-    """Parabolas through ln |z| and the phase; errors from the noise, or from the residuals if these are larger."""
+def _fit_level(t: FloatArray, z: ComplexArray, window: Window, noise: float, order: int) -> tuple[float, ...]:
+    """``_LEVEL`` by parabolas through ln |z| and the phase; errors from noise, or from larger residuals."""
     middle, length = 0.5 * (t[0] + t[-1]), t[-1] - t[0]
     u = (t - middle) / length
     logarithm = np.log(np.abs(z)) + 1j * np.unwrap(np.angle(z))
@@ -242,7 +244,7 @@ def _level(t: FloatArray, z: ComplexArray, window: Window, noise: float, order: 
     return float(middle), A, s.imag, -s.real, turn, sd_logarithm, sd_delta, bend
 
 
-def _kept(levels: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+def _keep_known(levels: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     """Levels whose slope is known, up to the first whose decay the window would smear; and notes."""
     notes = []
     known = levels[(levels["delta"] > 0.0) & (levels["sd_delta"] <= WORST_SLOPE * levels["delta"])]
@@ -256,7 +258,8 @@ def _kept(levels: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     return known.iloc[: bent[0]], notes
 
 
-def _decay(kept: pd.DataFrame, mass: float, noise: float, notes: list[str]) -> Decay:
+def _balance_energy(kept: pd.DataFrame, mass: float, noise: float, notes: list[str]) -> Decay:
+    """The decay of the ``kept`` levels, with the force of the energy balance."""
     time, A, omega, delta, turn, sd, sd_delta, _ = (kept[name].to_numpy(dtype=np.float64) for name in _LEVEL)
     resonant = np.sqrt(omega**2 + delta**2)
     force = 2.0 * mass * A * (delta * resonant - 0.5 * turn)

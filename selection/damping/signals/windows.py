@@ -66,7 +66,7 @@ class Window:
         return complex(0.5 * self.kernel @ np.exp(s * self.offsets))
 
 
-def even_times(t: FloatArray, x: FloatArray, frequency: float) -> tuple[FloatArray, FloatArray, float, list[str]]:
+def space_evenly(t: FloatArray, x: FloatArray, frequency: float) -> tuple[FloatArray, FloatArray, float, list[str]]:
     """Times and motion at an even spacing that resolves the mode, the step, and notes.
 
     Even times printed to few decimals are taken as even. Times with jitter but no gap are resampled evenly by a cubic
@@ -135,7 +135,7 @@ def describe_uneven(t: FloatArray) -> str:
     return f"the times are not evenly spaced: {t[k]:.8g} to {t[k + 1]:.8g} s beside steps of {np.median(step):.4g} s"
 
 
-def thinned(t: FloatArray, x: FloatArray, dt: float, frequency: float) -> tuple[FloatArray, FloatArray]:
+def average_groups(t: FloatArray, x: FloatArray, dt: float, frequency: float) -> tuple[FloatArray, FloatArray]:
     """Means of groups of samples, so that about ``ENOUGH`` per period of ``frequency`` (Hz) remain.
 
     A mean over k samples scales a sine by sin(k a)/(k sin a), a = pi f dt; this is divided out at ``frequency``.
@@ -149,7 +149,7 @@ def thinned(t: FloatArray, x: FloatArray, dt: float, frequency: float) -> tuple[
     return t[0] + dt * (k * np.arange(n // k) + 0.5 * (k - 1)), x[:n].reshape(-1, k).mean(axis=1) / gain
 
 
-def flat_window(frequency: float, periods: float, dt: float) -> Window:
+def make_flat_window(frequency: float, periods: float, dt: float) -> Window:
     """Hann window times a + b tau^2 of area 2 and no second moment, ``periods`` of ``frequency`` (Hz) long."""
     from scipy.signal.windows import hann  # noqa: PLC0415 - slow to import, and only free decays need it
 
@@ -181,7 +181,7 @@ def list_weights(frequency: float, others: Sequence[float], dt: float, most: int
     return np.asarray(np.linalg.pinv(basis)[0] * root)
 
 
-def noise_beside(window: Window, x: FloatArray, z: ComplexArray) -> float:
+def measure_noise(window: Window, x: FloatArray, z: ComplexArray) -> float:
     """Amplitude of noise in z, the windowed x, at the end of the record.
 
     It is measured beside the pass band, where there is only noise, and limited by the signal in the band.
