@@ -83,7 +83,8 @@ def _refuse_copies(runs: Sequence[CampaignRun]) -> None:
     seen: dict[bytes, str] = {}
     for run in runs:
         content = sha256()
-        for column in (run.x, run.x if run.drive is None else run.drive, *(one.samples for one in run.channels)):
+        columns = [run.x, *(channel.samples for channel in run.channels)]
+        for column in columns if run.drive is None else [*columns, run.drive]:
             content.update(column.tobytes())
         first = seen.setdefault(content.digest(), run.label)
         if first != run.label:

@@ -54,8 +54,8 @@ NEGLIGIBLE = 1e-6
 FREQUENCY_SCATTER_LOG_SD = 1.5
 #: Quantiles that represent that prior.
 _SCATTERS = FREQUENCY_SCATTER * np.exp(FREQUENCY_SCATTER_LOG_SD * ndtri((np.arange(16) + 0.5) / 16))
-#: A frequency farther than this factor from every tested one belongs to another mode. Such a frequency is not
-#: predicted, nor is one whose band reaches so far.
+#: Factor from every tested frequency beyond which a frequency belongs to another mode. No frequency is predicted
+#: where it or an end of its band lies beyond.
 ANOTHER_MODE = 2.0
 #: Relative change of the resonance above which amplitudes are solved along the backbone: the effect of a smaller
 #: change is below the error of a reading.

@@ -12,7 +12,7 @@ from damping.gap.problem import Setting
 OUTLYING = 3.3
 #: Range of deviations within each state, over that of the states' means, below which a state deviates as a whole.
 AGREEING = 0.25
-#: Deviations in the order of the force are told where chance gives that order in at most one of so many records.
+#: A caution says that deviations rise or fall with the force if, by chance, at most one record in this number does so.
 ORDERED = 20
 
 
@@ -87,7 +87,10 @@ def _describe_scatters(setting: Setting, fit: ModelFit, rank: int, ending: str) 
 
 
 def _describe_order(fit: ModelFit, field: str) -> str:
-    """Words where deviations rise or fall from level to level with the force, as 2 of the n! orders of n levels do."""
+    """Words for deviations that rise or fall with the force at every level, as 2 of the n! orders of n levels do.
+
+    Empty for other orders, and for so few levels that chance would often give one of these.
+    """
     levels = fit.model.problem.rows.levels
     sizes = np.array([getattr(level, field) for level in list_levels(fit)])
     steps = np.diff(np.bincount(levels, sizes) / np.bincount(levels))
