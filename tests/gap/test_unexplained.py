@@ -14,10 +14,10 @@ from scipy.special import expit
 
 from damping.effects import CATALOGUE
 from damping.effects.rig import recorded_third
-from damping.gap.ambiguities import describe_rig, describe_shortfall, describe_spring
+from damping.gap.ambiguities import describe_rig, describe_shortfall, describe_slope, describe_spring
 from damping.gap.corrected import effect_intervals, effect_values
 from damping.gap.diagnose import diagnose, explain
-from damping.gap.outside import describe_outside
+from damping.gap.outside import Rival, describe_outside
 from damping.gap.problem import setting
 from damping.gap.rows import UNSEEN, read_rows
 from damping.gap.search import Search, search_hypotheses
@@ -452,13 +452,34 @@ def test_a_cause_without_a_name_that_fits_better_is_a_doubt_and_is_told(lab):
     assert any("but is not in the library" in caution for caution in explained.cautions)
 
 
+@pytest.mark.parametrize("of_rig", [False, True])
 @pytest.mark.parametrize(("odds", "how"), [(-5.0, None), (-1.0, "nearly as well"), (1.0, "as well"), (4.0, "better")])
-def test_a_foreign_cause_that_is_not_excluded_is_said(odds, how):
+def test_a_foreign_cause_that_is_not_excluded_is_said(odds, how, of_rig):
     """Below one in fifty beside the leading explanation it is; what fits as well or better is said to."""
     leading = SimpleNamespace(log_posterior=0.0, effects=("quadratic-displacement",))
-    said = describe_outside({"another power": odds}, leading)
+    said = describe_outside([Rival("another power", odds, apart=3.0, of_rig=of_rig)], leading)
     assert bool(said) is (how is not None)
     assert all(f"another power explains the record {how} (log odds {odds:.1f}" in line for line in said)
+    assert all(line.startswith("look at the rig first") is of_rig for line in said)
+
+
+def test_a_cause_of_the_rig_with_the_prediction_of_the_structure_is_said_first_whatever_its_prior():
+    leading = SimpleNamespace(log_posterior=0.0, effects=("planar-coupling",))
+    of_rig, other = Rival("a mount", -5.4, apart=0.4, of_rig=True), Rival("an absorber", -5.4, apart=0.4)
+    (said,) = describe_outside([of_rig, other, replace(of_rig, log_odds=-20.0)], leading)  # the last is tuned to it
+    assert said.startswith("look at the rig first: a mount cannot be separated from planar-coupling by this record")
+
+
+@pytest.mark.parametrize("seed", [9, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (10, 11))])
+def test_a_sensor_that_resonates_near_the_mode_is_told_first_where_phases_are_absent(lab, seed):
+    """In closed form: a quarter of the reading resonates 4 half-widths below, a quarter of a cycle behind."""
+    rows = lab.bench().rows
+    r = rows.omega / (lab.omega * (1.0 - 4.0 * lab.xi))
+    part = 0.25 * -1j * 2j * lab.xi * r / (1.0 - r * r + 2j * lab.xi * r)
+    record = lab.record(rows, lab.linear(rows, gain=np.abs(1.0 + part)), seed)
+    found = explain(Record(record.table.drop(columns=["phase", "phase_sd"]), "amplitudes"), lab.mode())
+    assert not found.leading.key <= {"background", "amplitude-scale", "force-dropout"}
+    assert any(text.startswith("look at the rig first: a sensor or shaker") for text in found.cautions)
 
 
 def test_a_mass_beyond_its_tolerance_is_told_where_mass_was_added(lab):
@@ -506,6 +527,20 @@ def test_cross_talk_in_proportion_to_the_force_is_a_background_at_any_angle(lab)
 def test_cross_talk_in_phase_is_told_beside_the_residual_modes_it_imitates(lab):
     (caution,) = (text for text in lab.diagnosed("residual-modes").cautions if "cross-talk" in text)
     assert "driven but detached" in caution
+
+
+@pytest.mark.parametrize("ratio", [1.2, pytest.param(0.8, marks=pytest.mark.slow)])
+def test_a_sensor_whose_mount_resonates_beyond_the_rows_is_told_with_its_frequency(lab, ratio):
+    """In closed form: the reading 1/(1 - (f/f_s)^2), right at the mode; a compliance without phases, to first order."""
+    rows = lab.bench().rows
+    gain = (1.0 - ratio**-2) / (1.0 - (rows.omega / (ratio * lab.omega)) ** 2)
+    record = lab.record(rows, lab.linear(rows, gain=gain), 3)
+    found = explain(Record(record.table.drop(columns=["phase", "phase_sd"]), "amplitudes"), lab.mode())
+    assert found.leading.effects == ("residual-modes",)
+    (caution,) = describe_slope(found.leading.best)
+    said = float(caution.split("resonates at about ")[1].split(" Hz")[0])
+    # the next order is (x/(ratio - 1))^2, up to .06 at the ends of the rows, where the resonance is a sixth
+    assert said == pytest.approx(ratio * lab.omega / (2.0 * np.pi), rel=0.02)
 
 
 @pytest.mark.parametrize("carried", [0.012, -0.012])

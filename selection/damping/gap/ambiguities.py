@@ -8,7 +8,13 @@ from damping.gap.fit import ModelFit
 
 def list_ambiguities(fit: ModelFit) -> list[str]:
     """Every caution of this module about a fit."""
-    return [*describe_gain(fit), *describe_rig(fit), *describe_shortfall(fit), *describe_spring(fit)]
+    return [
+        *describe_gain(fit),
+        *describe_rig(fit),
+        *describe_slope(fit),
+        *describe_shortfall(fit),
+        *describe_spring(fit),
+    ]
 
 
 def describe_gain(fit: ModelFit) -> list[str]:
@@ -33,8 +39,9 @@ def describe_gain(fit: ModelFit) -> list[str]:
 def describe_rig(fit: ModelFit) -> list[str]:
     """Cautions: faults of the rig that look like the structure.
 
-    Cross-talk in phase with the force, or against it, is a compliance, as of modes far away. A frequency that drifts,
-    or is off by r, may be that of the clock, or of a structure that the rig loads:
+    Cross-talk in phase with the force, or against it, is a compliance, as of modes far away; see `describe_slope` for
+    another one. A frequency that drifts, or is off by r, may be that of the clock, or of a structure that the rig
+    loads:
 
     M ((1 + r)^2 omega_n^2 - omega^2) is that of a frequency omega recorded as omega (1 + r); also, within the tolerance
     of M, that of a further mass M ((1 + r)^-2 - 1) if r < 0, else of a further spring K ((1 + r)^2 - 1). Neither is
@@ -62,6 +69,29 @@ def describe_rig(fit: ModelFit) -> list[str]:
             "before the simulation is changed"
         )
     return cautions
+
+
+def describe_slope(fit: ModelFit) -> list[str]:
+    """Caution: a gain that follows f^p reads as residual modes, beside a lag if phases are measured.
+
+    With x = omega/omega_n - 1 and the damping ratio d, the response Y = F/(2 K (i d - x)) times 1 + p x is
+    (1 + i d p) Y - p F/(2 K): a compliance of -p/(2 K), and a turn that amplitudes do not show. A sensor whose mount
+    resonates at f_s reads 1/(1 - (f/f_s)^2) of the motion, p = 2/((f_s/f)^2 - 1), with a lag by the mount's damping.
+    """
+    values, simulation = effect_values(fit), fit.model.problem.simulation
+    path = values.get("residual-modes")
+    if path is None or (fit.model.problem.rows.has_phase and {"phase-lag", "time-delay"}.isdisjoint(values)):
+        return []
+    stiffness = simulation.mode.mass * simulation.mode.omega_n**2
+    power = -2.0 * stiffness * path["compliance"] / (path["frequency_ratio"] ** 2 - 1.0)
+    squared = 1.0 + 2.0 / power  # of f_s over f
+    resonance = simulation.mode.frequency * np.sqrt(max(squared, 0.0))
+    mount = f", a sensor whose mount resonates at about {resonance:.3g} Hz" if resonance else ""
+    beside = "and this lag" if fit.model.problem.rows.has_phase else "where phases are not measured"
+    return [
+        f"a gain that follows f^{power:.2g} (a filter, a table that tilts{mount}) looks like these residual modes "
+        f"{beside}: check the gain over frequency before the structure is blamed"
+    ]
 
 
 def describe_shortfall(fit: ModelFit) -> list[str]:
