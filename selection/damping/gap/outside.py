@@ -77,7 +77,8 @@ def weigh_outside(search: Search, leading: Hypothesis) -> tuple[tuple[Rival, ...
     Also the explanations by ``IMITATIONS`` that the record does not exclude.
     """
     foreign, blamed = fit_foreign(search, leading), _list_structural(leading)
-    of_rig = [other for other in foreign if _list_structural(other) < blamed][:1]
+    least = foreign[0].log_posterior + np.log(LEAST_ODDS) if foreign else np.inf  # else another cause excludes it
+    of_rig = [other for other in foreign if other.log_posterior > least and _list_structural(other) < blamed][:1]
     others = [other for other in foreign[:1] if other.key not in {own.key for own in of_rig}]
     rivals = [_compare(other, leading, of_rig=own) for own, some in ((True, of_rig), (False, others)) for other in some]
     near = [other for other in foreign if other.log_posterior > leading.log_posterior - EXCLUDED]
@@ -244,12 +245,9 @@ def _describe_rival(rival: Rival, leading: Hypothesis) -> str:
     if rival.indistinct:
         return (
             f"look at the rig first: {rival.cause} cannot be separated from {named} by this record (their best-fitting "
-            f"predictions differ by {rival.apart:.2g} sigma in all; {log_odds}). It needs no change of the structure, "
-            "but is not in the library"
+            f"predictions differ by {rival.apart:.2g} sigma in all; {log_odds}). It is not in the library"
         )
     odds = rival.log_odds
     well = "better" if odds > MOST_RIVAL else "as well" if odds >= -_EVEN else "nearly as well"
-    said = f"{rival.cause} explains the record {well} ({log_odds} against {named})"
-    if rival.of_rig:
-        said = f"look at the rig first: {said}, needs no change of the structure"
-    return f"{said}, but is not in the library"
+    first = "look at the rig first: " if rival.of_rig else ""
+    return f"{first}{rival.cause} explains the record {well} ({log_odds} against {named}), but is not in the library"
