@@ -38,7 +38,7 @@ MOST_FOREIGN = 4  #: causes outside the library that are fitted in the place of 
 #: Causes that at one mass have the first harmonics of a spring, whatever their size: such rows cannot exclude them.
 IMITATIONS = {SLOW_SPRING.name, VARYING_MASS.name}
 #: Least odds of a cause of the rig that predicts what the leading explanation does; below them its sizes are tuned to
-#: it. Of 76 generated cases 13 with a fault of the rig have odds above .004, 9 with one of the structure below 1e-6.
+#: it. Of 76 generated cases 15 with a fault of the rig have odds above .004, 9 with one of the structure below 1e-6.
 _TUNED = 1e-4
 _EVEN = 0.05  #: log odds above minus this are reported as even
 #: Wrongly entered quantity, by the power of frequency by which its amplitudes exceed those of displacement.
