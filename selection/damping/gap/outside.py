@@ -39,7 +39,7 @@ MOST_FOREIGN = 4  #: causes outside the library that are fitted in the place of 
 IMITATIONS = {SLOW_SPRING.name, VARYING_MASS.name}
 #: Least odds of a cause of the rig that predicts what the leading explanation does; below them its sizes are tuned to
 #: it. Of 76 generated cases 15 with a fault of the rig have odds above .004, 9 with one of the structure below 1e-6.
-_TUNED = 1e-4
+_LEAST_ODDS_OF_RIG = 1e-4
 _EVEN = 0.05  #: log odds above minus this are reported as even
 #: Wrongly entered quantity, by the power of frequency by which its amplitudes exceed those of displacement.
 QUANTITIES = {
@@ -63,7 +63,7 @@ class Rival:
     @property
     def indistinct(self) -> bool:
         """Whether it is of the rig and predicts what the leading explanation does: only priors favour that."""
-        return self.of_rig and self.apart < INDISTINCT and self.log_odds >= np.log(_TUNED)
+        return self.of_rig and self.apart < INDISTINCT and self.log_odds >= np.log(_LEAST_ODDS_OF_RIG)
 
     @property
     def possible(self) -> bool:
