@@ -8,7 +8,7 @@ import pandas as pd
 
 from damping.arrays import BoolArray, FloatArray
 from damping.forces import component
-from damping.records.check_units import LEAST_RATIO, SMALL_RATIO, name_factor, name_unit
+from damping.records.check_units import SMALL_RATIO, describe_unusual_ratio, name_factor, name_unit
 from damping.records.mode import Mode
 from damping.records.view import SURE, Finding, Leg, View, name_sweeps, take_median
 
@@ -181,6 +181,7 @@ def _find_exchanged(odd: list[OddMass]) -> tuple[OddMass, ...]:
 
 FAR_FREQUENCY = 1.1  #: factor from which the frequency of the lowest level, bent least, is far from the mode file's
 FAR_DAMPING = 5.0  #: the same for the damping ratio, the least known input of a simulation
+NEAR_NAMED = 0.4  #: distance (ln) from a factor between units within which such a ratio is called by it
 #: Without phases, masses agree if three levels or more, with forces that differ by this factor, scatter by less than
 #: the share ``AGREE`` of their distance (ln) from the mode file's mass: bending changes with amplitude, gains do not.
 AGREE_OVER = 2.0
@@ -207,16 +208,20 @@ def check_beyond_model(view: View) -> Finding | None:
         name = name_factor(view.mass_ratio)
         differences.append(f"the rows imply {view.mass_ratio:.3g} times its mass" + (f" ({name}?)" if name else ""))
     simulated, zeta = view.mode.viscous_ratio, float(table["damping_ratio"].iloc[0])
+    advice = "check the gain of the sensor, that it reads displacement, and the mode file"
     if simulated and zeta > 0.0 and len(view.mode.damping) == 1 and abs(log(zeta / simulated)) > log(FAR_DAMPING):
-        differences.append(f"a damping ratio of {zeta:.3g}, {simulated:.3g} in the mode file")
-    elif not simulated and LEAST_RATIO < zeta < SMALL_RATIO:
-        name = name_unit(zeta / 0.01, view.mode.units)
-        differences.append(f"a damping ratio of {zeta:.3g}, less than assembled structures have ({name}?)")
+        name = name_unit(zeta / simulated, view.mode.units, within=NEAR_NAMED)
+        differences.append(
+            f"a damping ratio of {zeta:.3g}, {simulated:.3g} in the mode file" + f" ({name}?)" * bool(name)
+        )
+    elif not simulated and (unusual := describe_unusual_ratio(view, zeta)):
+        name = f" ({name_unit(zeta / 0.01, view.mode.units)}?)" * (zeta < SMALL_RATIO)
+        differences.append(f"a damping ratio of {zeta:.3g}, {unusual} than assembled structures have{name}")
+        advice = "check the units of force and response, that their columns are not exchanged, and the mass"
     if not differences:
         return _compare_structures(view, view.mode, hertz) or _compare_frequencies(view, view.mode, hertz)
     swept = view.record.column("frequency")
     other = not swept.min() / OTHER_MODE < view.mode.frequency < swept.max() * OTHER_MODE
-    advice = "check the gain of the sensor, that it reads displacement, and the mode file"
     advice = "model and record are of different modes" if other else advice
     return Finding("beyond-model", "refuse" if other else "caution", "; ".join(differences), advice, view.record.sweeps)
 
