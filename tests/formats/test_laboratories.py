@@ -397,6 +397,30 @@ def test_readings_of_an_amplifier_leave_the_drive_as_it_is(truth, tmp_path, impo
     np.testing.assert_allclose(doubled.column("force")[0], FORCES[0] * 2**0.5, rtol=CLOSE)
 
 
+@pytest.mark.parametrize(
+    "headings",
+    [
+        ("Messung", "Frequenz [Hz]", "Kraft [N]", "Weg [mm]", "Phase [Grad]"),
+        ("Lauf", "f/Hz", "F/N", "Weg/mm", "phi/°"),
+        ("essai", "fréquence (Hz)", "effort (N)", "déplacement (mm)", "déphasage (°)"),
+        ("ensayo", "frecuencia (Hz)", "fuerza (N)", "desplazamiento (mm)", "fase (grados)"),
+        ("prova", "frequenza (Hz)", "forza (N)", "spostamento (mm)", "fase (°)"),
+    ],
+)
+def test_headings_in_several_languages(truth, tmp_path, imported, headings):
+    label, f, force, motion, phase = headings
+    columns = {
+        label: lambda F: [f"L{F:g}"] * len(truth.f),
+        f: lambda _: truth.f,
+        force: lambda F: np.full(len(truth.f), F),
+        motion: lambda F: 1e3 * F * np.abs(truth.H),
+        phase: lambda _: -np.degrees(np.angle(truth.H)),
+    }
+    path = tmp_path / "a.csv"
+    stacked(truth, **columns).to_csv(path, index=False, sep=";", decimal=",")
+    close(imported(path).record, truth)
+
+
 @pytest.mark.parametrize("exchanged", [False, True])
 def test_round_responses_beside_measured_forces_are_held_or_exchanged(tmp_path, imported, exchanged):
     """Somebody chooses 4, 8, 12 N; nobody chooses 0.527 g."""
