@@ -15,6 +15,7 @@ from damping.records.view import SURE, Finding, Leg, View, name_sweeps, take_med
 FORCE_STEP = 1.1  #: levels are compared if their forces differ by this factor
 FALLEN = 0.87  #: a resonant amplitude falls if it is below this share of that at a lower force
 FALLING = 0.3  #: share of falling pairs of levels needed if no mass shows which level is wrong
+DEEP = 0.75  #: share below which a single pair is doubted: readings that scatter by 5 % fall so far once in 10^5 pairs
 #: An amplitude of one level off by this factor hides any law; the diagnosis names smaller errors.
 HOPELESS = 2.0
 #: Largest phase offset, rad, against other levels at which an odd mass may come from a gain, which turns no phase.
@@ -52,22 +53,22 @@ def check_levels(view: View) -> Finding | None:
     beside = {leg.run.sweep for leg in view.legs if not leg.resonant}
     table = view.implied[~view.implied["sweep"].isin(beside)].sort_values("force", kind="stable")
     odd = find_odd_masses(view, table)
-    pair = _find_fall(table, {level.sweep for level in odd})
+    pair, certain = _find_fall(table, {level.sweep for level in odd})
     if pair is None and not odd:
         return None
     reports = [] if pair is None else [_report_fall(view, table, *pair)]
     reports += [_report_odd_masses(odd)] if odd else []
     what, advice = "; ".join(what for what, _ in reports), reports[-1][1]
     sweeps = tuple(level.sweep for level in odd) or tuple(table["sweep"].iloc[sorted(pair or ())])
-    hopeless = pair is not None or max(abs(log(level.factor)) for level in odd) > log(HOPELESS)
+    hopeless = certain if pair else max(abs(log(level.factor)) for level in odd) > log(HOPELESS)
     check = "amplitude-falls" if pair is not None else "level-offset"
     return Finding(check, "refuse" if hopeless else "caution", what, advice, sweeps)
 
 
-def _find_fall(table: pd.DataFrame, odd: set[str]) -> tuple[int, int] | None:
-    """Positions of the two levels, lower force first, between which the amplitude falls most; None if too few fall.
+def _find_fall(table: pd.DataFrame, odd: set[str]) -> tuple[tuple[int, int] | None, bool]:
+    """Positions of the two levels, lower force first, between which the amplitude falls most, and whether enough fall.
 
-    One pair is enough if one of its levels is ``odd``.
+    One pair is enough if one of its levels is ``odd``. None if too few fall and no fall is ``DEEP``.
     """
     F, A = table["force"].to_numpy(), table["amplitude"].to_numpy()
     is_odd = table["sweep"].isin(odd).to_numpy()
@@ -80,7 +81,8 @@ def _find_fall(table: pd.DataFrame, odd: set[str]) -> tuple[int, int] | None:
             explained |= bool(is_odd[i] or is_odd[lower].any())
             j = int(lower[np.argmin(A[lower])])
             deepest = min(deepest, (float(A[j] / A[i]), i, j))
-    return deepest[1:] if falling and (explained or falling >= FALLING * pairs) else None
+    certain = bool(falling) and (explained or falling >= FALLING * pairs)
+    return (deepest[1:] if certain or deepest[0] < DEEP else None), certain
 
 
 def _report_fall(view: View, table: pd.DataFrame, i: int, j: int) -> tuple[str, str]:
