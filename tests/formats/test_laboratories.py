@@ -16,7 +16,7 @@ from damping.errors import InputError
 from damping.formats import read_file
 from damping.formats.headers import ROLES, parse_header, refuse_decibels
 from damping.formats.motions import time_histories
-from damping.formats.series import Stated
+from damping.formats.series import Stated, Summary
 from damping_pipelines.commands import import_
 
 CLOSE = 1e-5  # six printed digits
@@ -397,12 +397,51 @@ def test_readings_of_an_amplifier_leave_the_drive_as_it_is(truth, tmp_path, impo
     np.testing.assert_allclose(doubled.column("force")[0], FORCES[0] * 2**0.5, rtol=CLOSE)
 
 
+@pytest.mark.parametrize(
+    "headings",
+    [
+        ("Messung", "Frequenz [Hz]", "Kraft [N]", "Weg [mm]", "Phase [Grad]"),
+        ("Lauf", "f/Hz", "F/N", "Weg/mm", "phi/°"),
+        ("essai", "fréquence (Hz)", "effort (N)", "déplacement (mm)", "déphasage (°)"),
+        ("ensayo", "frecuencia (Hz)", "fuerza (N)", "desplazamiento (mm)", "fase (grados)"),
+        ("prova", "frequenza (Hz)", "forza (N)", "spostamento (mm)", "fase (°)"),
+    ],
+)
+def test_headings_in_several_languages(truth, tmp_path, imported, headings):
+    label, f, force, motion, phase = headings
+    columns = {
+        label: lambda F: [f"L{F:g}"] * len(truth.f),
+        f: lambda _: truth.f,
+        force: lambda F: np.full(len(truth.f), F),
+        motion: lambda F: 1e3 * F * np.abs(truth.H),
+        phase: lambda _: -np.degrees(np.angle(truth.H)),
+    }
+    path = tmp_path / "a.csv"
+    stacked(truth, **columns).to_csv(path, index=False, sep=";", decimal=",")
+    close(imported(path).record, truth)
+
+
+@pytest.mark.parametrize("exchanged", [False, True])
+def test_round_responses_beside_measured_forces_are_held_or_exchanged(tmp_path, imported, exchanged):
+    """Somebody chooses 4, 8, 12 N; nobody chooses 0.527 g."""
+    force, a = [4.0, 8.0, 12.0], [0.527, 0.933, 1.268]
+    values = (a, force) if exchanged else (force, a)
+    table = pd.DataFrame({"Run": list("abc"), "Frequency (Hz)": [25.0, 25.01, 24.99]})
+    path = tmp_path / "levels.csv"
+    table.assign(**{"Force (N)": values[0], "Acceleration (g)": values[1]}).to_csv(path, index=False)
+    notes = imported(path).summary.notes
+    assert any("their two headings are exchanged" in note for note in notes) == exchanged
+
+
 def test_positions_are_no_readings(tmp_path):
     t = np.arange(0.0, 20.0, 0.02)
     path = tmp_path / "roll.csv"
     pd.DataFrame({"time": t, "x": t, "y": t, "z": t, "phi": np.cos(t)}).to_csv(path, index=False)
     with pytest.raises(InputError, match=r"which column is the response.*--column response=NAME.*--unit response"):
         read_file(path, Stated())
+    silent = Stated(columns={"response": "phi"})
+    with pytest.raises(InputError, match=r"the unit of 'phi', an angle by its name.*--unit response=rad or deg"):
+        time_histories(*read_file(path, silent)[:1], silent, Summary())
     stated = Stated(columns={"response": "phi"}, units={"response": "rad"})
     series, summary = read_file(path, stated)
     history = time_histories(series, stated, summary)[0]

@@ -123,6 +123,24 @@ def test_peaks_in_another_unit_are_doubted_by_their_damping(factor, said):
     assert all("mm for m" in str(one) for one in found if one.check == "beyond-model")
 
 
+@pytest.mark.parametrize("mistake", ["none", "g for m/s^2", "exchanged"])
+@pytest.mark.parametrize("simulated", [0.0, 0.004])
+def test_levels_in_a_wrong_unit_are_doubted_by_their_damping(mistake, simulated):
+    """Levels of zeta = 0.004: with g for m/s^2 it would be 4e-4; with exchanged columns far less."""
+    F = np.array([3.0, 5.0, 9.0])
+    omega = 2.0 * np.pi * 15.0
+    right = F / (2.0 * 0.004 * 5.0 * omega**2) * np.array([1.0, 1.01, 0.99])
+    F, A = {"none": (F, right), "g for m/s^2": (F, 9.80665 * right), "exchanged": (right, F)}[mistake]
+    table = pd.DataFrame({"sweep": ["a", "b", "c"], "force": F, "frequency": 15.0, "amplitude": A})
+    damping = {"viscous": {"coefficient": 2.0 * simulated * 5.0 * omega}} if simulated else {}
+    mode = Mode(name="m", frequency=15.0, mass=5.0, units=Units("N", "m", "s"), damping=damping)
+    found = audit(dp.Record(table), mode).findings
+    assert bool(found) == (mistake != "none")
+    assert not (simulated and mistake == "g for m/s^2") or "g for m/s^2" in str(found[0])
+    decay = dp.Record(table.assign(amplitude=A[::-1], force=F[::-1], time=[0.0, 1.0, 2.0], decay="d"))
+    assert mistake != "g for m/s^2" or simulated or not audit(decay, mode).findings  # its ratio needs no unit
+
+
 @pytest.mark.parametrize("alone", [True, False])
 def test_force_and_frequency_exchanged_are_named(alone):
     """Peaks of one row a level, and sweeps; force numbers that happen to be near the frequency are left alone."""

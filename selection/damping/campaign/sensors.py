@@ -39,9 +39,12 @@ UNITS[-2] = ("g", *(f"{length}/s^2" for length in UNITS[0]))
 CHANGED = 0.1
 STANDS_OUT = 3.0  #: least ratio of that change to the largest change of the other sensors
 #: Largest amplitude of a run over its median from which a drive moves as a sensor, beside one that is ``STEADY``: a
-#: drive is held, or falls at resonances, where all that moves rises by 1/(2 z).
+#: drive is held, or falls at resonances, where all that moves rises by 1/(2 z). Of 700 random campaigns (one to five
+#: modes, force or base, drives held, falling, notched or stepped) none is named, of 400 exchanged ones 352: the others
+#: barely rise. From a ratio of 2 on it would be 1 and 368. A response held on purpose looks alike where its force peaks
+#: between two resonances, in 29 of 200 narrow bands: the error says what to state then.
 PEAKED = 3.0
-STEADY = 1.5  #: the same ratio up to which a sensor is held as a drive is
+STEADY = 1.5  #: the same ratio up to which a sensor is held as a drive is; drives of exchanged campaigns reach 1.3
 
 
 def find_exchanged(drive: Samples, sensors: Mapping[str, Samples]) -> str:
@@ -63,7 +66,7 @@ def refuse_exchanged(found: Sequence[str]) -> None:
     if found and all(found):
         message = f"the drive peaks as a sensor does, and {found[0]!r} is steady as a drive: they seem to be exchanged"
         roles = f"role = 'drive' of {found[0]!r} and 'sensor' of the other, with their units"
-        expected = f"--correct FILE.toml: {roles}; or role = 'sensor' of {found[0]!r} if it is right"
+        expected = f"--correct FILE.toml: {roles}; or role = 'sensor' of {found[0]!r} if it was held on purpose"
         raise InputError(message, expected=expected)
 
 

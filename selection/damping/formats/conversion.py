@@ -6,7 +6,7 @@ Statements of the user take precedence over the file; missing facts are asked fo
 from dataclasses import dataclass
 
 from damping.errors import InputError
-from damping.formats.headers import NAMES
+from damping.formats.headers import NAMES, lower_name
 from damping.formats.quantity import SYSTEMS, Unit, find_powers, unit
 from damping.formats.series import FileFacts, Stated, Summary
 
@@ -172,8 +172,16 @@ def ask(known: Statements, *, force: bool | None) -> None:
     """
     missing: dict[str, str] = {}
     stated, typed = known.stated, known.response
+    silent = not (stated.consistent or known.unit_of("response"))
+    column = stated.columns.get("response", "")
+    if typed is None and silent and lower_name(column) in NAMES["signal"]["angle"]:
+        expected = "--unit response=rad or deg, or --response and --unit if it is no angle"
+        raise InputError(
+            f"the unit of {column!r}, an angle by its name, is neither in the file nor stated", expected=expected
+        )
     if typed is None and (stated.consistent or not known.unit_of("response")):
-        missing["type of the response"] = f"--response {' or '.join(_list_fitting(known.facts))}"
+        types = [name for name in _list_fitting(known.facts) if force is not None or not RESPONSES[name][1]]
+        missing["type of the response"] = f"--response {' or '.join(types)}"
     examples = {"response": _EXAMPLES.get(typed or "", "m/s^2"), **({} if force is None else {"force": "N"})}
     for what, example in examples.items():
         if not stated.consistent and not known.unit_of(what):

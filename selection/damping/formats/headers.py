@@ -30,7 +30,9 @@ _SCALINGS = (
 _SCALING = re.compile(rf"(?i)(?P<apart>[\s_,-]*(?P<open>[\[(])?){_SCALINGS}\.?(?(open)[\])])$")
 SCALING_WITHIN = re.compile(rf"(?i)(?<![^\W_]){_SCALINGS}(?![^\W_])")  # RMS tip, tip_rms_g
 _DECIBELS = re.compile(r"dB(?![a-z])|(?<![A-Za-z])(?:db|DB)(?![A-Za-z])")  # HdB, Accel_dB, dB re 1 g
-_ANGLES = {"deg": "degrees", "degree": "degrees", "degrees": "degrees", "°": "degrees", "grad": "", "rad": "radians"}
+_ANGLES = dict.fromkeys(("deg", "degree", "degrees", "°", "grad", "degrés", "grados", "gradi"), "degrees") | {
+    "rad": "radians"
+}
 #: Units of an abscissa in Hz, rad/s and s, in lower case; others are refused.
 ABSCISSAS: dict[str, dict[str, float]] = {
     "frequency": {"hz": 1.0, "1/s": 1.0, "s^-1": 1.0, "khz": 1e3, "rpm": 1 / 60, "1/min": 1 / 60, "cpm": 1 / 60,
@@ -218,7 +220,8 @@ def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | No
         free = place not in places.values() and not {"response", "amplitude"} & set(places)
         if motion and free and _may_be(motion, header):
             places["response" if is_time else "amplitude"], response = place, motion if len(name) > 1 else ""
-    if not is_time and (phases := list_phases(headers)):
+    named = [k for k, name in enumerate(names) if name in NAMES["phase"]["angle"] and headers[k].angle]
+    if not is_time and (phases := list_phases(headers) or (named if "amplitude" in places and len(named) == 1 else [])):
         places["angle"] = phases[0]
     of_moment = "force" in places and find_powers(headers[places["force"]].unit) == (1, 1, 0)
     if of_moment and not {"response", "amplitude", "x"} & set(places):

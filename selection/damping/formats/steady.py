@@ -18,12 +18,14 @@ from damping.formats.conversion import (
     scaling,
 )
 from damping.formats.quantity import SYSTEMS
-from damping.formats.series import Series, Stated, Summary
+from damping.formats.series import Samples, Series, Stated, Summary
 from damping.records.record import Record, find_problems
 from damping.records.text import count, name_apart
 
 #: Most rows of an imported record; for more, a band of frequencies or some data sets must be chosen.
 MOST_ROWS = 100_000
+FEWEST_LEVELS = 3  #: levels from which digits show which column was held: of two, both may be round by chance
+ROUND_DIGITS = 2  #: most significant digits of a level that somebody chose
 _POWERS = {"energy": (1, 1, 0), "mass": (1, -1, 2)}
 
 
@@ -67,6 +69,9 @@ def _tabulate(series: Sequence[Series], stated: Stated, summary: Summary) -> pd.
         system = f"force in {force}, amplitude in {length}, time in s, mass in {force} s^2/{length}"
         summary.add("record", system, "stated")
     summary.add("rows", f"{len(table)} in {count(len(tables), 'sweep')}", "follows")
+    if len(table) == len(series) >= FEWEST_LEVELS and not forces[0] and _are_exchanged(series):
+        what = "caution: the responses are round numbers and the forces are not"
+        summary.note(f"{what}: right if the response was held; if the force was, their two headings are exchanged")
     if "phase" not in table:
         summary.note("no phases: each sweep gives the damping only at its resonance")
         return table
@@ -78,6 +83,18 @@ def _tabulate(series: Sequence[Series], stated: Stated, summary: Summary) -> pd.
             expected="--reverse, or the phase as lead instead of lag (or vice versa)",
         )
     return table
+
+
+def _are_exchanged(series: Sequence[Series]) -> bool:
+    """Whether responses, of one row each, are round as the held quantity is, and forces are not, as a measured one."""
+    held = [_count_digits(row.response) for row in series]
+    measured = [_count_digits(row.force) for row in series if row.force is not None]
+    return max(held) <= ROUND_DIGITS < float(np.median(measured))
+
+
+def _count_digits(values: Samples) -> int:
+    """Significant digits of the first of some values (n,), to seven."""
+    return len(f"{abs(values[0]):.6e}".split("e")[0].replace(".", "").rstrip("0"))
 
 
 def _list_labels(series: Sequence[Series], stated: Stated) -> list[str]:

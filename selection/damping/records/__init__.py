@@ -40,7 +40,7 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_sweeps.check_noise, _EVERYTHING),
     (check_sweeps.check_outlier, ("beyond-model",)),
     (check_copies.check_copied_rows, ("several-modes", "sensor-saturation")),
-    (check_sweeps.check_unlabelled, ("beyond-model",)),
+    (check_sweeps.check_unlabelled, ("beyond-model", *_OF_LEVELS)),
     (check_sweeps.check_mixed_levels, ("several-modes", "sweep-rate", *_OF_LEVELS)),
     (check_phases.check_phase_unit, ("phase-sign", "phase-offset", "energy", "beyond-model", "sweep-rate")),
     (check_phases.check_phase_sign, ("phase-offset", "energy", "sweep-rate")),

@@ -8,13 +8,14 @@ import pandas as pd
 
 from damping.arrays import BoolArray, FloatArray
 from damping.forces import component
-from damping.records.check_units import LEAST_RATIO, SMALL_RATIO, name_factor, name_unit
+from damping.records.check_units import SMALL_RATIO, describe_unusual_ratio, name_factor, name_unit
 from damping.records.mode import Mode
 from damping.records.view import SURE, Finding, Leg, View, name_sweeps, take_median
 
 FORCE_STEP = 1.1  #: levels are compared if their forces differ by this factor
 FALLEN = 0.87  #: a resonant amplitude falls if it is below this share of that at a lower force
 FALLING = 0.3  #: share of falling pairs of levels needed if no mass shows which level is wrong
+DEEP = 0.75  #: share below which a single pair is doubted: readings that scatter by 5 % fall so far once in 10^5 pairs
 #: An amplitude of one level off by this factor hides any law; the diagnosis names smaller errors.
 HOPELESS = 2.0
 #: Largest phase offset, rad, against other levels at which an odd mass may come from a gain, which turns no phase.
@@ -52,22 +53,22 @@ def check_levels(view: View) -> Finding | None:
     beside = {leg.run.sweep for leg in view.legs if not leg.resonant}
     table = view.implied[~view.implied["sweep"].isin(beside)].sort_values("force", kind="stable")
     odd = find_odd_masses(view, table)
-    pair = _find_fall(table, {level.sweep for level in odd})
+    pair, certain = _find_fall(table, {level.sweep for level in odd})
     if pair is None and not odd:
         return None
     reports = [] if pair is None else [_report_fall(view, table, *pair)]
     reports += [_report_odd_masses(odd)] if odd else []
     what, advice = "; ".join(what for what, _ in reports), reports[-1][1]
     sweeps = tuple(level.sweep for level in odd) or tuple(table["sweep"].iloc[sorted(pair or ())])
-    hopeless = pair is not None or max(abs(log(level.factor)) for level in odd) > log(HOPELESS)
+    hopeless = certain if pair else max(abs(log(level.factor)) for level in odd) > log(HOPELESS)
     check = "amplitude-falls" if pair is not None else "level-offset"
     return Finding(check, "refuse" if hopeless else "caution", what, advice, sweeps)
 
 
-def _find_fall(table: pd.DataFrame, odd: set[str]) -> tuple[int, int] | None:
-    """Positions of the two levels, lower force first, between which the amplitude falls most; None if too few fall.
+def _find_fall(table: pd.DataFrame, odd: set[str]) -> tuple[tuple[int, int] | None, bool]:
+    """Positions of the two levels, lower force first, between which the amplitude falls most, and whether enough fall.
 
-    One pair is enough if one of its levels is ``odd``.
+    One pair is enough if one of its levels is ``odd``. None if too few fall and no fall is ``DEEP``.
     """
     F, A = table["force"].to_numpy(), table["amplitude"].to_numpy()
     is_odd = table["sweep"].isin(odd).to_numpy()
@@ -80,7 +81,8 @@ def _find_fall(table: pd.DataFrame, odd: set[str]) -> tuple[int, int] | None:
             explained |= bool(is_odd[i] or is_odd[lower].any())
             j = int(lower[np.argmin(A[lower])])
             deepest = min(deepest, (float(A[j] / A[i]), i, j))
-    return deepest[1:] if falling and (explained or falling >= FALLING * pairs) else None
+    certain = bool(falling) and (explained or falling >= FALLING * pairs)
+    return (deepest[1:] if certain or deepest[0] < DEEP else None), certain
 
 
 def _report_fall(view: View, table: pd.DataFrame, i: int, j: int) -> tuple[str, str]:
@@ -181,6 +183,7 @@ def _find_exchanged(odd: list[OddMass]) -> tuple[OddMass, ...]:
 
 FAR_FREQUENCY = 1.1  #: factor from which the frequency of the lowest level, bent least, is far from the mode file's
 FAR_DAMPING = 5.0  #: the same for the damping ratio, the least known input of a simulation
+NEAR_NAMED = 0.4  #: distance (ln) from a factor between units within which such a ratio is called by it
 #: Without phases, masses agree if three levels or more, with forces that differ by this factor, scatter by less than
 #: the share ``AGREE`` of their distance (ln) from the mode file's mass: bending changes with amplitude, gains do not.
 AGREE_OVER = 2.0
@@ -207,16 +210,20 @@ def check_beyond_model(view: View) -> Finding | None:
         name = name_factor(view.mass_ratio)
         differences.append(f"the rows imply {view.mass_ratio:.3g} times its mass" + (f" ({name}?)" if name else ""))
     simulated, zeta = view.mode.viscous_ratio, float(table["damping_ratio"].iloc[0])
+    advice = "check the gain of the sensor, that it reads displacement, and the mode file"
     if simulated and zeta > 0.0 and len(view.mode.damping) == 1 and abs(log(zeta / simulated)) > log(FAR_DAMPING):
-        differences.append(f"a damping ratio of {zeta:.3g}, {simulated:.3g} in the mode file")
-    elif not simulated and LEAST_RATIO < zeta < SMALL_RATIO:
-        name = name_unit(zeta / 0.01, view.mode.units)
-        differences.append(f"a damping ratio of {zeta:.3g}, less than assembled structures have ({name}?)")
+        name = name_unit(zeta / simulated, view.mode.units, within=NEAR_NAMED)
+        differences.append(
+            f"a damping ratio of {zeta:.3g}, {simulated:.3g} in the mode file" + f" ({name}?)" * bool(name)
+        )
+    elif not simulated and (unusual := describe_unusual_ratio(view, zeta)):
+        name = f" ({name_unit(zeta / 0.01, view.mode.units)}?)" * (zeta < SMALL_RATIO)
+        differences.append(f"a damping ratio of {zeta:.3g}, {unusual} than assembled structures have{name}")
+        advice = "check the units of force and response, that their columns are not exchanged, and the mass"
     if not differences:
         return _compare_structures(view, view.mode, hertz) or _compare_frequencies(view, view.mode, hertz)
     swept = view.record.column("frequency")
     other = not swept.min() / OTHER_MODE < view.mode.frequency < swept.max() * OTHER_MODE
-    advice = "check the gain of the sensor, that it reads displacement, and the mode file"
     advice = "model and record are of different modes" if other else advice
     return Finding("beyond-model", "refuse" if other else "caution", "; ".join(differences), advice, view.record.sweeps)
 

@@ -152,6 +152,9 @@ ENERGY_SHORT = 3.0  #: an energy at resonance smaller than pi F A by this factor
 
 LEAST_RATIO = 1e-6  #: least damping ratio of a structure: single crystals in a vacuum have more
 SMALL_RATIO = 1e-4  #: less than assembled structures have in air: a wrong unit is more likely
+#: Damping ratios of assembled structures that have a resonance to test: bolted and welded ones have 0.001 and more,
+#: soils, sloshing and dampers up to 0.15. Only where no row implies a mass, which shows a wrong unit better.
+USUAL_RATIOS = (5e-4, 0.2)
 LARGEST_RATIO = 0.5  #: largest damping ratio of a structure that has a resonance to sweep over
 SIMULATED_WITHIN = 1.0  #: ln of the factor within which a simulated damping ratio is right
 FAR_BELOW = 0.01  #: share of the simulated damping ratio below which a wrong unit is more likely
@@ -193,6 +196,15 @@ def check_units(view: View) -> Finding | None:
     )
     advice = "state force, amplitude, mass in one system" + (f": {name}?" if name else "")
     return Finding("units", "refuse", "; ".join(parts), advice, view.record.sweeps)
+
+
+def describe_unusual_ratio(view: View, zeta: float) -> str:
+    """``less`` or ``more`` for a damping ratio that assembled structures do not have; else empty.
+
+    That of a free decay is known without units.
+    """
+    low, high = USUAL_RATIOS if np.isnan(view.mass_ratio) and not view.record.is_decay else (SMALL_RATIO, LARGEST_RATIO)
+    return "less" if LEAST_RATIO < zeta < low else "more" if high < zeta < LARGEST_RATIO else ""
 
 
 def _find_other_frequency(view: View, mode: Mode) -> Finding | None:
