@@ -36,10 +36,10 @@ REFUSED = {
         "sweep,force,frequency,x\nA,1,2,3\n",
         f", line 1: missing column amplitude among sweep, force, frequency, x; {NEEDED}",
     ),
-    "two decimal marks": (
-        "sweep;force;frequency;amplitude\nA;1,5;10.25;3\n",
-        ", column force: numbers with decimal commas, beside decimal points in column frequency; "
-        "expected one decimal mark in the table",
+    "semicolons": (
+        "sweep;force;frequency;amplitude\nA;1;2;3\n",
+        f", line 1: missing columns sweep, force, frequency, amplitude "
+        f"(the header is separated by semicolons or tabs: damping import reads such files); {NEEDED}",
     ),
     "doubled": (
         "\n" + HEAD.replace("phase", "force"),

@@ -5,7 +5,7 @@ File content is never evaluated. A cell is a number or text.
 
 import re
 from array import array
-from collections.abc import Collection, Container, Iterable, Mapping, Sequence
+from collections.abc import Collection, Container, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,8 +21,8 @@ from damping.records.text import (
     NUMBER,
     CsvRows,
     count,
+    describe_separator,
     describe_shortened,
-    find_separator,
     read_bytes,
     unguarded,
 )
@@ -32,13 +32,6 @@ MOST_COLUMNS = 2000  #: most columns of a header: a bound on memory and time
 _BLOCK = 100_000  # cells processed together
 _FEW = 10_000  # most different labels of a column that are stored once each
 _BETWEEN = "\0"  # occurs in no cell: a file with a NUL byte is refused as not text
-#: A number with decimals in joined cells, by its decimal mark.
-_DECIMAL = {
-    mark: re.compile(
-        rf"(?<![^{_BETWEEN}])(\s*[+-]?\d*){re.escape(mark)}(\d+(?:[eE][+-]?\d+)?\s*)(?![^{_BETWEEN}])", re.ASCII
-    )
-    for mark in ",."
-}
 _CODE = re.compile(r"\s*[+-]?0\d")  # labels such as 007 stay text in columns that need no numbers
 
 
@@ -49,9 +42,7 @@ def read_table(
     text_columns: Iterable[str] = (),
     max_size: int = DEFAULT_MAX_SIZE,
 ) -> pd.DataFrame:
-    """The table of a CSV file (UTF-8, one header row), rows in file order, index 0..n-1.
-
-    Cells are separated by commas, or by semicolons or tabs if the header is; numbers may then have decimal commas.
+    """The table of a CSV file (UTF-8, commas, one header row), rows in file order, index 0..n-1.
 
     ``required`` columns must exist and, unless they are among ``text_columns``, hold a finite number in every cell.
     Any other column becomes floats if all its cells are numbers and otherwise stays text; ``text_columns`` are always
@@ -59,8 +50,7 @@ def read_table(
 
     Raises InputError, naming file, line and column, for the first problem in file order: a file that is missing, a
     folder, larger than ``max_size`` bytes, empty, not UTF-8 or without data rows; missing, repeated or nameless
-    columns; a row with more or fewer cells than the header; text, NaN, infinity or an empty cell in place of a number;
-    decimal points beside decimal commas.
+    columns; a row with more or fewer cells than the header; text, NaN, infinity or an empty cell in place of a number.
     """
     needed, text = tuple(required), tuple(text_columns)
     columns = _Columns(required=needed, numbers=[name for name in needed if name not in text], text=text)
@@ -121,22 +111,19 @@ class _Scan:
 
 def _scan(data: bytes, columns: _Columns) -> _Scan:
     """Read a table; problems with the file or its header are raised, problems with rows are noted."""
-    separator = find_separator(data)
-    rows = CsvRows(data, separator)
+    rows = CsvRows(data)
     header_line, header = next(rows, (1, []))
     if not header:
         raise rows.problem or InputError("the file is empty", expected="a header row")
     names = _list_names(header, header_line)
     require_columns(columns.required, names, line=header_line)
     growing: dict[str, list[str]] = {name: [] for name in names}
-    lines, problem = _data(rows, list(growing.values()))
+    lines, problem = _data(rows, list(growing.values()), describe_separator(names))
     if not len(lines):
         raise problem or InputError("no data rows", expected="at least one row below the header")
     scan = _Scan(pd.DataFrame(columns=names), lines)
     if problem is not None:
         scan.problems.append((problem.line or 0, -1, problem))
-    if separator != ",":
-        _replace_decimal_commas({name: of for name, of in growing.items() if name not in columns.text}, columns.numbers)
     scan.frame = pd.DataFrame({name: _column(scan, name, growing.pop(name), columns) for name in names}, copy=False)
     return scan
 
@@ -156,21 +143,10 @@ def _list_names(header: list[str], line: int) -> list[str]:
     return names
 
 
-def _replace_decimal_commas(growing: Mapping[str, list[str]], numbers: Collection[str]) -> None:
-    """Write numbers with points in place of commas. InputError: columns that must be ``numbers`` have both."""
-    marked = {mark: [k for k, of in growing.items() if any(map(_DECIMAL[mark].search, of))] for mark in _DECIMAL}
-    comma, point = (next((name for name in marked[mark] if name in numbers), None) for mark in _DECIMAL)
-    if comma and point:
-        message = f"numbers with decimal commas, beside decimal points in column {describe_shortened(point)}"
-        raise InputError(message, column=describe_shortened(comma), expected="one decimal mark in the table")
-    for name in marked[","]:
-        growing[name][:] = [_DECIMAL[","].sub(r"\1.\2", block) for block in growing[name]]
-
-
-def _data(rows: CsvRows, growing: Sequence[list[str]]) -> tuple[IntArray, InputError | None]:
+def _data(rows: CsvRows, growing: Sequence[list[str]], remark: str) -> tuple[IntArray, InputError | None]:
     """Lines of the rows up to the first unreadable or ragged row, and the problem with that row.
 
-    Cells are joined to their columns in blocks of rows, so that memory
+    ``remark`` on the header goes with a ragged row. Cells are joined to their columns in blocks of rows, so that memory
     stays at a few times the size of the file.
     """
     lines = array("q")
@@ -178,7 +154,7 @@ def _data(rows: CsvRows, growing: Sequence[list[str]]) -> tuple[IntArray, InputE
     problem = None
     for line, row in rows:
         if len(row) != len(growing):
-            message = f"{count(len(row), 'cell')} in the row"
+            message = f"{count(len(row), 'cell')} in the row{remark}"
             problem = InputError(message, line=line, expected=f"{len(growing)} as in the header")
             break
         if len(lines) == MOST_ROWS:

@@ -22,6 +22,7 @@ from damping.records.text import (
     describe_as_html,
     describe_as_text,
     describe_meant,
+    describe_separator,
     describe_shortened,
     guarded,
 )
@@ -197,7 +198,7 @@ def require_columns(
     required = tuple(required)
     if not (missing := [name for name in required if name not in names]):
         return
-    hint = describe_meant(missing[0], names, likeness=0.6)
+    hint = describe_separator(names) or describe_meant(missing[0], names, likeness=0.6)
     other = " (damping import reads other tables)" * (missing == list(keys.REQUIRED_COLUMNS))
     hint = hint or (f" among {describe_shortened(', '.join(names), 80)}{other}" if names else "")
     message = f"missing column{'s' if len(missing) > 1 else ''} {', '.join(missing)}{hint}"

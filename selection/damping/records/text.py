@@ -3,7 +3,7 @@
 import codecs
 import csv
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from math import isfinite
@@ -118,10 +118,11 @@ def describe_cell(cell: str) -> str:
     return repr(describe_shortened(cell.strip())) if cell.strip() else "an empty cell"
 
 
-def find_separator(data: bytes) -> str:
-    """The mark between the cells of a table: a semicolon or a tab if the header has it and no comma, else a comma."""
-    header = next((line for line in data.removeprefix(codecs.BOM_UTF8)[:LONGEST_ROW].splitlines() if line.strip()), b"")
-    return next((mark for mark in (";", "\t") if mark.encode() in header.strip() and b"," not in header), ",")
+def describe_separator(names: Sequence[str]) -> str:
+    """A remark on a header that is not separated by commas; empty on one that is."""
+    if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
+        return " (the header is separated by semicolons or tabs: damping import reads such files)"
+    return ""
 
 
 def count(n: int, what: str) -> str:
@@ -180,7 +181,7 @@ class CsvRows:
     delimiter. The first ``skip`` lines are skipped, and with ``comments`` also lines that begin with # or %.
     """
 
-    def __init__(self, data: bytes, delimiter: str, *, comments: bool = False, skip: int = 0) -> None:
+    def __init__(self, data: bytes, delimiter: str = ",", *, comments: bool = False, skip: int = 0) -> None:
         self._data = data.removeprefix(codecs.BOM_UTF8)
         self._delimiter, self._comments, self._skip = delimiter, comments, skip
         self._reader = csv.reader(self._lines(), delimiter=delimiter, strict=True, skipinitialspace=delimiter == " ")

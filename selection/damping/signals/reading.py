@@ -22,7 +22,7 @@ from damping.errors import AnalysisError, InputError
 from damping.records.check_ceiling import find_ceiling
 from damping.records.keys import TomlTable, locate, read_schema, read_toml
 from damping.records.reading import read_table, require_column, require_numbers
-from damping.records.text import DEFAULT_MAX_SIZE, CsvRows, find_separator, read_bytes
+from damping.records.text import DEFAULT_MAX_SIZE, CsvRows, read_bytes
 from damping.signals.chain import IN_PHASE, ConditioningStep, condition
 from damping.signals.description import Description
 
@@ -195,5 +195,4 @@ def check_repeats(record: pd.DataFrame, raw: Path, max_size: int) -> None:
 
 def _lines(path: Path, max_size: int) -> list[int]:
     """Line on which each data row of a CSV file starts."""
-    data = read_bytes(path, max_size)
-    return [line for line, _ in CsvRows(data, find_separator(data))][1:]
+    return [line for line, _ in CsvRows(read_bytes(path, max_size))][1:]
