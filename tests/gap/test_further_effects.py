@@ -216,6 +216,33 @@ def test_third_harmonic_of_a_cubic_spring():
     np.testing.assert_allclose(np.ravel(found), expected, rtol=1e-10, atol=0.0)  # rounding
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_constant_restoring_force_is_named_by_the_sense_of_its_stiffness(lab, sign):
+    """A preload that rocks, F0 sgn q, gives 4 F0/(pi A) of stiffness, which falls with amplitude; play takes as much.
+
+    At a force F and an amplitude A, |K - M w^2 + i c w| = F/A is quadratic in w^2: both sides of the resonance.
+    """
+    preload = sign * XI * MASS * OMEGA**2 * 0.05
+    rows = list[tuple[str, float, float, float, float]]()
+    for sweep, top in (("A", 0.0125), ("B", 0.025), ("C", 0.05)):
+        F = VISCOUS * OMEGA * top
+        A = top * np.array([0.3, 0.5, 0.7, 0.85, 0.95])
+        K = MASS * OMEGA**2 + 4.0 * preload / (np.pi * A)
+        half = K / MASS - 0.5 * (VISCOUS / MASS) ** 2
+        for side in (-1.0, 1.0):
+            square = half + side * np.sqrt(half**2 - (K / MASS) ** 2 + (F / A / MASS) ** 2)
+            phase = np.arctan2(VISCOUS * np.sqrt(square), K - MASS * square)
+            rows += zip([sweep] * 5, [F] * 5, np.sqrt(square) / (2 * np.pi), A, phase, strict=True)
+    table = pd.DataFrame(rows, columns=["sweep", "force", "frequency", "amplitude", "phase"])
+    record = Record(table.assign(amplitude_sd=0.01 * table.amplitude, phase_sd=0.01))
+    start = setting(record, lab.mode())
+    names = ("stiffness-softening", "stiffness-hardening")
+    search = Search(start.problem, {name: CATALOGUE[name] for name in names}, start.unknowns)
+    first, second = search.run().ranked()[:2]
+    assert first.effects == (names[0 if sign > 0.0 else 1],)
+    assert first.log_evidence > second.log_evidence + 6.0  # odds of 400: a change in the other sense does not fit
+
+
 def test_third_harmonic_of_damping_in_proportion_to_displacement():
     """k |A sin theta| sgn(cos theta) = (2 k A/pi)(cos theta - cos 3 theta + ..): C is linear in A, no sine."""
     k, A, phase, omega = 40.0, 0.05, 0.7, np.array([1.01 * OMEGA])

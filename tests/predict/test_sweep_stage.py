@@ -216,19 +216,23 @@ def test_a_sweep_is_of_the_structure_and_of_no_fault_of_one_test(
         np.testing.assert_allclose(record.column("amplitude"), expected * (1.0 if structure else gain), rtol=1e-5)
 
 
-def test_stiffness_effects_are_cubic_springs() -> None:
-    def of(name: str) -> Sum:
+def test_stiffness_effects_are_cubic_springs_or_such_as_change_in_the_same_sense() -> None:
+    def of(name: str, **table: float) -> Sum:
         mode = Mode(
             name="m",
             frequency=1.0,
             mass=2.0,
             damping={"viscous": {"coefficient": 1.0}},
-            effects={name: {"coefficient": 3.0}},
+            effects={name: {"coefficient": 3.0, **table}},
         )
         return simulated_force(mode)  # type: ignore[return-value]  # it is a sum
 
-    assert of("stiffness-hardening") == Sum((Viscous(1.0), CubicStiffness(3.0)))
-    assert of("stiffness-softening") == Sum((Viscous(1.0), CubicStiffness(-3.0)))
+    for name, sense in (("stiffness-hardening", 1.0), ("stiffness-softening", -1.0)):
+        assert of(name) == Sum((Viscous(1.0), CubicStiffness(sense * 3.0)))
+        for exponent in (0.4, 1.5, 5.0):
+            A = np.array([0.1, 0.2])
+            _, _, S, _ = of(name, exponent=exponent).averages(A, np.array([6.0, 6.0]))
+            assert np.diff(S / A) * sense > 0.0
 
 
 @pytest.mark.parametrize("method", ["ritz", "time"])

@@ -46,8 +46,9 @@ _SLIPPING = 1.0 - _LEFT**2
 _WEIGHTS = _LEFT * _GAUSS[1]
 #: Ends of the shares of all joints that one joint represents in time integration, finer for those that slip first.
 _ENDS = np.linspace(0.0, 1.0, 33) ** 2
-#: Exponent of a spring other than cubic: 1.5 to 8.
+#: Exponent of a spring other than cubic, 1.5 to 8; one below 1, as of a preload that rocks or of play (both near 0).
 _EXPONENT = FormVariable.between(1.5, 8.0, starts=(-1.0, 0.8))
+_LOW_EXPONENT = FormVariable.between(0.1, 0.9, starts=(-1.0, 0.8))
 
 
 def adds_force(force: Callable[[Mapping[str, Floats]], Force]) -> Callable[[Terms, Mapping[str, Floats]], Terms]:
@@ -216,8 +217,9 @@ SLIP = Effect(
 
 
 def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Effect:
-    """The effect of a spring of ``sign`` times its (positive) coefficient.
+    """The effect of a spring whose stiffness changes with amplitude in the sense of ``sign``.
 
+    Its force is ``sign`` times coefficient |q|^p sgn q for p > 1, and minus that for p < 1, where A^(p - 1) falls.
     Its strength is the force at the largest amplitude over that amplitude. The effect of the other sign is ``denied``:
     together they would imitate a stiffness of another shape.
     """
@@ -228,10 +230,11 @@ def _stiffness_effect(name: str, sign: float, sentence: str, denied: str) -> Eff
             return {"coefficient": stiffness * scales.A_high ** (1.0 - stated.get("exponent", 3.0))} | stated
 
         cubic = effect.form(report, scales.loss, largest=scales.stiffness)
-        return cubic, replace(cubic, shapes=(_EXPONENT,))
+        return cubic, *(replace(cubic, shapes=(exponent,)) for exponent in (_EXPONENT, _LOW_EXPONENT))
 
     def force(table: Mapping[str, Floats]) -> Force:
-        coefficient, exponent = sign * table["coefficient"], table["exponent"]
+        exponent = table["exponent"]
+        coefficient = np.where(np.less(exponent, 1.0), -sign, sign) * table["coefficient"]
         return CubicStiffness(coefficient) if np.all(np.equal(exponent, 3.0)) else PowerStiffness(coefficient, exponent)
 
     effect = Effect(
