@@ -558,6 +558,15 @@ def test_what_loads_the_structure_in_the_test_alone_is_told_beside_a_wrong_frequ
     assert describe_rig(replace(fit, model=replace(fit.model, problem=problem))) == []
 
 
+def test_a_damper_of_the_rig_is_told_beside_the_viscous_coefficient_it_adds_to(lab):
+    """In closed form: the armature of a shaker adds a quarter to the viscous coefficient; a measured force excludes it."""
+    rows, mode = lab.bench().rows, lab.mode()
+    record = lab.record(rows, lab.linear(rows, viscous=1.25 * lab.viscous), 4)
+    (caution,) = describe_rig(explain(record, mode).leading.best)
+    assert "a damper of 25 % of the simulated viscous coefficient" in caution
+    assert describe_rig(explain(record, replace(mode, rig=Rig(force="measured"))).leading.best) == []
+
+
 def test_a_clock_that_drifts_is_told_beside_the_drift_it_imitates(lab):
     """In closed form: recorded frequencies are true in the middle of the record, half a bandwidth off at the ends."""
     rows = lab.bench().rows

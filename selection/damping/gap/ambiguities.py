@@ -45,7 +45,8 @@ def describe_rig(fit: ModelFit) -> list[str]:
 
     M ((1 + r)^2 omega_n^2 - omega^2) is that of a frequency omega recorded as omega (1 + r); also, within the tolerance
     of M, that of a further mass M ((1 + r)^-2 - 1) if r < 0, else of a further spring K ((1 + r)^2 - 1). Neither is
-    told where masses were added, which separate them, or where a user's function is the simulation.
+    told where masses were added, which separate them, or where a user's function is the simulation. A damper of the rig
+    adds to the viscous coefficient: -M omega^2 + i omega (c + c_rig) + K.
     """
     problem, values, cautions = fit.model.problem, effect_values(fit), list[str]()
     if any(key.startswith("frequency") for key in values.get("drift", ())):
@@ -57,6 +58,13 @@ def describe_rig(fit: ModelFit) -> list[str]:
         cautions.append(
             "cross-talk in proportion to the force, in phase with it or against it, looks like these residual modes: "
             "readings while the shaker is driven but detached separate the two"
+        )
+    added = values.get("viscous-coefficient", {}).get("relative", 0.0)
+    if added > 0.0 and problem.simulation.mode.rig.force != "measured":
+        cautions.append(
+            f"a damper of {100.0 * added:.2g} % of the simulated viscous coefficient that acts in this test alone (a "
+            "shaker's armature, a stinger, a suspension, cables) has the same effect as this viscous coefficient, unless "
+            "its force was measured: check it before the simulation is changed"
         )
     relative = values.get("natural-frequency", {}).get("relative", 0.0)
     if relative and problem.simulation.simulator is None and not np.any(problem.rows.added):
