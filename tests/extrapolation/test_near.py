@@ -21,7 +21,7 @@ from damping.infer.doubt import JOINTS, JointEvidence
 from damping.infer.evidence import brief_evidence
 from damping.infer.law import Law
 from damping.infer.observations import MOST_ROWS, MOST_SWEEPS, at_resonance, observe
-from damping.ranking import prior_masses
+from damping.ranking import prior_masses, weigh_laws
 from damping.ranking.verdict import UNLIKELY, exceed_probability, fit_probability, is_excluded
 from damping.records.mode import Mode, Tolerance, Units
 from damping.records.record import Record
@@ -251,6 +251,25 @@ def test_the_resonance_says_how_far_damping_may_let_go():
             assert higher < 0.98
             np.testing.assert_allclose(lower, 1.0, rtol=0.01)  # another draw of the average: the lower end is its own
             assert not said
+
+
+def test_a_ranking_of_the_same_rows_serves_as_the_plan_and_one_of_other_rows_does_not():
+    """Friction alone may be ranked, but sets no resonance and takes no weight: the weights are the same numbers."""
+    data, other = (levels("viscous + velocity-squared", number) for number in (3, 4))
+    laws = [Law(("viscous",)), Law(("viscous", "velocity-squared")), Law(("coulomb",))]
+    asked = []
+
+    def estimate(coordinates, *rest):
+        asked.append(coordinates.law)
+        return brief_evidence(coordinates, *rest)
+
+    fresh, ranking = plan_loads(data, laws, estimate=brief_evidence), weigh_laws(data, 0, laws, estimate=brief_evidence)
+    served = plan_loads(data, laws, estimate=estimate, ranking=ranking)
+    assert not asked
+    assert [(law.name, law.weight) for law in served.laws] == [(law.name, law.weight) for law in fresh.laws]
+    assert served.fit == fresh.fit
+    assert len(plan_loads(other, laws, estimate=estimate, ranking=ranking).data.A) == len(other.A)
+    assert asked
 
 
 @pytest.mark.parametrize("number", [3, 6])

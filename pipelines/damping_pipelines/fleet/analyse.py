@@ -153,7 +153,7 @@ def _complete(task: FleetTask, prepared: PreparedRecord, diagnosed: bool) -> Fle
 
     if attempt("rank and extrapolate", lambda: prepared.findings.require(settings.despite)):
         ranking = attempt("rank", lambda: _rank(task, prepared, estimate))
-        loads = attempt("extrapolate", lambda: _predict(task, prepared, estimate))
+        loads = attempt("extrapolate", lambda: _predict(task, prepared, estimate, ranking))
     if diagnosed and (diagnosis := attempt("gap", lambda: _diagnose(task, prepared))):
         # contradictions between diagnosis and laws
         if ranking and ranking.ranking.fit.verdict == "none fits":
@@ -177,9 +177,12 @@ def _rank(task: FleetTask, prepared: PreparedRecord, estimate: Estimate) -> Rank
     return RankingResult(ranking, prepared)
 
 
-def _predict(task: FleetTask, prepared: PreparedRecord, estimate: Estimate) -> LoadsResult:
+def _predict(
+    task: FleetTask, prepared: PreparedRecord, estimate: Estimate, ranking: RankingResult | None
+) -> LoadsResult:
     asked = np.array(task.settings.forces), MULTIPLES, task.settings.level, task.seed
-    return LoadsResult(predict_record(prepared, *asked, estimate=estimate, fresh=False), prepared)
+    ranked = ranking.ranking if ranking else None
+    return LoadsResult(predict_record(prepared, *asked, estimate=estimate, ranking=ranked, fresh=False), prepared)
 
 
 def _diagnose(task: FleetTask, prepared: PreparedRecord) -> DiagnosisResult:

@@ -52,8 +52,10 @@ def predict(terms: Terms, u: FloatArray, drive: Drive, every: int = 1) -> Predic
 
     ``every``: stride k; the derivative by ln omega_n is that of models 0, k, 2k ... alone.
     """
-    offset = add_parts(terms.offset, drive)
-    gain, lag = terms.gain + np.real(offset), terms.lag - np.imag(offset)
+    gain, lag = terms.gain, terms.lag
+    if terms.offset:
+        offset = add_parts(terms.offset, drive)
+        gain, lag = gain + np.real(offset), lag - np.imag(offset)
     v, per_u = _pass([reading.unread for reading in reversed(terms.readings)], u - gain)
     terms = terms.tuned(drive)
     turns = 0 if (terms.plane is None and not terms.compliance) or terms.linear else _REFINEMENTS
@@ -160,7 +162,9 @@ def _receptance(terms: Terms, drive: Drive, A: FloatArray, turns: int, every: in
     """H with each path's Z at the path's amplitude, iterated ``turns`` times from ``A``; ``every``: see `predict`."""
     still, compliance, amplitudes = _Still.of(terms, drive), add_parts(terms.compliance, drive), (A, A)
     ratio: Floats = 1.0 if terms.plane is None else terms.plane.ratio
-    stiffer = terms.M * drive.mass * np.square(terms.omega_n) * (np.square(ratio) - 1.0)
+    stiffer: Floats = 0.0
+    if terms.plane is not None:
+        stiffer = terms.M * drive.mass * np.square(terms.omega_n) * (np.square(ratio) - 1.0)
     for _ in range(turns):
         paths, _ = _list_paths(terms, drive, still, amplitudes, stiffer)
         amplitudes = _shares(terms, paths, A, sum(paths) + compliance)

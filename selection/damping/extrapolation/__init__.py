@@ -40,7 +40,7 @@ from damping.infer.law import Law
 from damping.infer.observations import Observations
 from damping.infer.proposal import MOST_FITTED, Proposal
 from damping.progress import Progress, silent
-from damping.ranking import Candidate
+from damping.ranking import Candidate, Ranking
 from damping.ranking.candidates import resonant_laws
 from damping.records.mode import Mode
 
@@ -127,6 +127,7 @@ def extrapolate_loads(
     plan: Plan | None = None,
     all_rows: Observations | None = None,
     estimate: Estimate = evidence,
+    ranking: Ranking | None = None,
     fresh: bool = True,
     progress: Progress = silent,
 ) -> Extrapolation:
@@ -140,6 +141,7 @@ def extrapolate_loads(
         plan: if already made.
         all_rows: if given, laws are also judged on these.
         estimate: of marginal likelihoods.
+        ranking: of these candidates, if already made (:func:`damping.extrapolation.plan.plan_loads`).
         fresh: whether to draw afresh from laws of more than ``LEAST_WEIGHT`` (:func:`draw_fresh`), and at further
             levels too (``next_level``); a fleet and a comparison need neither.
 
@@ -150,7 +152,7 @@ def extrapolate_loads(
     if plan is None:
         candidates = resonant_laws() if laws is None else laws
         with progress("weighing laws", len(candidates)) as done:
-            plan = plan_loads(data, candidates, seed, done, mode, estimate)
+            plan = plan_loads(data, candidates, seed, done, mode, estimate, ranking)
     plan = judge_rows(plan, all_rows, seed, estimate) if all_rows else plan
     members, backbone = [], observe_backbone(data, mode)
     with progress("sampling", len(plan.laws)) as done:
@@ -176,12 +178,13 @@ def predict_record(
     seed: int,
     *,
     estimate: Estimate = evidence,
+    ranking: Ranking | None = None,
     fresh: bool = True,
     progress: Progress = silent,
 ) -> Extrapolation:
     """Predictions at ``forces``, or, if there are none, at ``times`` the largest tested force.
 
-    ``estimate``, ``fresh``: see :func:`extrapolate_loads`.
+    ``estimate``, ``ranking``, ``fresh``: see :func:`extrapolate_loads`.
     """
     data = prepared.data
     return extrapolate_loads(
@@ -192,6 +195,7 @@ def predict_record(
         mode=prepared.mode,
         all_rows=prepared.all_rows,
         estimate=estimate,
+        ranking=ranking,
         fresh=fresh,
         progress=progress,
     )

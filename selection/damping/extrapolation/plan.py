@@ -20,7 +20,7 @@ from damping.infer.evidence import Estimate, evidence
 from damping.infer.law import Law
 from damping.infer.observations import Observations
 from damping.progress import nothing
-from damping.ranking import Candidate, weigh_laws
+from damping.ranking import Candidate, Ranking, weigh_laws
 from damping.ranking.candidates import resonant_laws
 from damping.ranking.verdict import FitVerdict, is_excluded, judge_fit
 from damping.records.mode import Mode, Units
@@ -68,6 +68,7 @@ def plan_loads(
     done: Callable[[str], None] = nothing,
     mode: Mode | None = None,
     estimate: Estimate = evidence,
+    ranking: Ranking | None = None,
 ) -> Plan:
     """Choose and weigh laws for predictions beyond the test.
 
@@ -77,11 +78,15 @@ def plan_loads(
         done: called with each candidate's name.
         mode: its mass shows whether the mode is bistable and whether a joint slips.
         estimate: of marginal likelihoods and posteriors.
+        ranking: of the same candidates by the same seed and estimate, if already made; it serves if its rows are these.
 
     AnalysisError: no candidate can carry the measured forces.
     """
-    resonating = [law for law in laws if law.has_resonance]  # for a decay, friction alone may be ranked
-    ranked = weigh_laws(data, seed, resonating or laws, done, estimate)
+    if ranking and ranking.data.sampled.content == data.sampled.content and not data.amplitude_is_input:
+        ranked = ranking
+    else:
+        resonating = [law for law in laws if law.has_resonance]  # for a decay, friction alone may be ranked
+        ranked = weigh_laws(data, seed, resonating or laws, done, estimate)
     planned = tuple(row for row in ranked.candidates if row.evidence)
     scatter = np.hypot(*planned[0].coordinates.scatter(planned[0].weighed.draws))
     stated = float(np.sqrt(find_repeatability(mode) ** 2 + np.mean(data.sd_amplitude**2 + data.sd_force**2)))

@@ -175,8 +175,11 @@ def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations
 
     ``doubt``: standard deviation of the straying slope, (points,).
     """
-    shared = scatter_covariance(*coordinates.scatter(x), data)
-    return shared + doubt[:, None, None] ** 2 * stray_levels(coordinates, data)
+    # points last in memory: see `find_averages`
+    strays = np.moveaxis(np.multiply.outer(stray_levels(coordinates, data), doubt**2), -1, 0)
+    if not (coordinates.with_level_scatter or data.amplitude_is_input):  # levels have no errors of their own
+        return strays
+    return scatter_covariance(*coordinates.scatter(x), data) + strays
 
 
 def stray_levels(coordinates: Coordinates, data: Observations) -> FloatArray:
