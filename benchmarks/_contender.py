@@ -131,7 +131,7 @@ def target() -> Any:
     F, omega, A = map(np.array, (FORCE, OMEGA, AMPLITUDE))
     zero, number = np.zeros(len(F)), np.arange(len(F))
     data = Observations(omega, number, ("A", "B", "C"), zero, zero, zero, A, F, zero, F, A, omega)
-    return replace(Coordinates.of(Law(("viscous", "displacement-velocity")), data), with_doubt=False), data
+    return replace(Coordinates.of(Law(("viscous", "displacement-velocity")), data), with_discrepancy=False), data
 
 
 def emcee(part: int) -> Sampled:

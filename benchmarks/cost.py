@@ -61,7 +61,7 @@ def points(rows: int) -> Callable[[], object]:
     """The work of a posterior density of 256 parameter points on ``rows`` rows."""
     A = np.geomspace(0.5, 2.0, rows)
     data = peaks(A**1.5, A)
-    coordinates = replace(Coordinates.of(LAW, data), with_doubt=False)
+    coordinates = replace(Coordinates.of(LAW, data), with_discrepancy=False)
     x = np.random.default_rng(0).standard_normal((256, coordinates.dimension))
     return partial(Balanced(coordinates, data).log_density, x)
 

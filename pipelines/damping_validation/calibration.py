@@ -130,7 +130,7 @@ def oracle_width(law: Law, data: Observations, force: FloatArray) -> FloatArray:
 
     Least squares of ln A over the parameters, Student's t with the levels' degrees of freedom; NaN without any.
     """
-    coordinates = replace(Coordinates.of(law, data), with_level_scatter=False, with_doubt=False)
+    coordinates = replace(Coordinates.of(law, data), with_level_scatter=False, with_discrepancy=False)
     k = coordinates.dimension - 1  # the last is the scatter, which least squares has no use for
     freedom = len(data.tested_force) - k
     if freedom < 1:

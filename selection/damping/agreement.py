@@ -22,7 +22,7 @@ from damping.gap.corrected import corrected_mode
 from damping.gap.diagnose import HYPOTHESES, Diagnosis, Explained, explain
 from damping.gap.sweeping import read_resonance, simulated_force
 from damping.gap.weighing import KNOWN
-from damping.infer.doubt import LIKELY, JointEvidence
+from damping.infer.discrepancy import LIKELY, JointEvidence
 from damping.predict.steady import phase_resonance
 from damping.progress import Progress, silent, unknown_length
 from damping.ranking.verdict import FEWEST_ROWS, FitVerdict

@@ -12,7 +12,7 @@ from damping import agreement, extrapolation
 from damping.agreement import describe_disagreement, describe_fall, describe_misfit, simulate_resonance
 from damping.gap import diagnose
 from damping.gap.corrected import corrected_mode
-from damping.infer.doubt import JointEvidence
+from damping.infer.discrepancy import JointEvidence
 from damping.infer.observations import observe
 from damping.ranking.verdict import FitVerdict
 from damping.records.resonance import find_resonance
@@ -37,7 +37,8 @@ def made_once():
     """Laws are weighed and a gap is explained once a record, not for either side of a comparison; a tenth of draws."""
     plan, explain, made = extrapolation.plan_loads, agreement.explain, {}
 
-    def plan_once(data, laws, seed, done, mode, estimate):
+    def plan_once(data, laws, seed, done, mode, estimate, ranking):
+        assert ranking is None
         key = (data.A.tobytes(), data.D.tobytes(), tuple(laws), seed, mode.mass, mode.tolerance, estimate)
         if key not in made:
             made[key] = plan(data, laws, seed, done, mode, estimate)

@@ -28,7 +28,7 @@ FORCE = np.array([1.0, 2.0, 4.0])
 
 
 def known(force, amplitude) -> Loads:
-    """Predictions without doubt."""
+    """Predictions without discrepancy."""
     nothing = np.zeros(len(force))
     band = Band("law", 1.0, *([amplitude] * 5))
     parts = dict.fromkeys(PARTS, nothing)

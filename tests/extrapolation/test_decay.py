@@ -62,7 +62,7 @@ def test_amplitudes_of_a_friction_decay_are_levels(friction):
 
 
 def test_friction_alone_does_not_lead_where_damping_grows():
-    """C grows 1.8 times over ten levels: constant friction misses by a fifth, which no straying amplitude explains."""
+    """C grows 1.8 times over ten levels: constant friction misses by a fifth, which no discrepancy explains."""
     amplitude = 8e-3 * np.exp(-0.13 * np.arange(10))
     table = make_decay(amplitude, find_force(amplitude, friction=0.9), scatter=0.01).table
     ranking = dp.rank(Record(table.drop(columns=["amplitude_sd", "force_sd"]))).to_json()
@@ -70,14 +70,14 @@ def test_friction_alone_does_not_lead_where_damping_grows():
     assert ranking["fit"]["verdict"] == "fits"
 
 
-def test_straying_of_a_decay_moves_force_by_p_times_as_much_as_amplitude():
-    """C ~ A^p: ln A astray by g moves ln F by p g; none for friction."""
+def test_discrepancy_of_a_decay_moves_force_by_p_times_as_much_as_amplitude():
+    """C ~ A^p: ln A off by g moves ln F by p g; none for friction."""
     amplitude = np.array([8.0, 4.0, 2.0]) * 1e-3
     data = observe(make_decay(amplitude, find_force(amplitude)))
     for name, p in (("coulomb", 0.0), ("viscous", 1.0), ("velocity-squared", 2.0)):
         c = Coordinates.of(Law((name,)), data)
         x = np.zeros((1, c.dimension))
-        np.testing.assert_allclose(c.stray(x), p * c.doubt(x), rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(c.discrepancy_of_levels(x), p * c.discrepancy(x), rtol=1e-9, atol=1e-12)
 
 
 def test_nothing_is_claimed_of_a_force_that_a_decay_does_not_reach(friction):

@@ -17,7 +17,7 @@ from damping.extrapolation.plan import judge_rows, plan_loads
 from damping.extrapolation.prepared import NEAR, describe_weights, near_resonance, without_offset
 from damping.forces import CubicStiffness, Displacement, Slip, Sum, VelocitySquared, Viscous
 from damping.infer.best_fit import BestFit, fit_laws
-from damping.infer.doubt import JOINTS, JointEvidence
+from damping.infer.discrepancy import JOINTS, JointEvidence
 from damping.infer.evidence import brief_evidence
 from damping.infer.law import Law
 from damping.infer.observations import MOST_ROWS, MOST_SWEEPS, at_resonance, observe
@@ -483,7 +483,7 @@ def test_damping_that_fails_while_the_resonance_stays_widens_the_band_upwards():
     assert np.all((band.low < true) & (true < band.high))
     steady = replace(predicted.plan, joint=predicted.plan.joint._replace(failing=0.0))
     narrow = extrapolate_loads(data, force, mode=mode, plan=steady, fresh=False).loads.average
-    assert np.all(narrow.high < true)  # the straying that a steady resonance leaves
+    assert np.all(narrow.high < true)  # the discrepancy that a steady resonance leaves
 
 
 def test_a_valve_that_opens_below_the_top_level_widens_the_band_upwards():

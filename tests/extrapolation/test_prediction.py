@@ -21,8 +21,8 @@ from damping.extrapolation.draws import (
 )
 from damping.extrapolation.prediction import PARTS, linear_amplitude, predict
 from damping.extrapolation.prepared import prepare_record
-from damping.infer import doubt
-from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, JointEvidence
+from damping.infer import discrepancy
+from damping.infer.discrepancy import DISCREPANCY_LOG_SD, DISCREPANCY_MEDIAN, JointEvidence
 from damping.infer.evidence import evidence
 from damping.infer.law import Coordinates, Law
 from damping.records import audit
@@ -134,12 +134,12 @@ def test_a_refusal_says_how_probable_what_it_says_is(peaks):
 def test_parts_add_to_the_whole(saturn, monkeypatch):
     """Squares of the four parts add to the variance of ln A in the average, whose quantiles they set.
 
-    Of a straying that is as likely to each side: one steeper upwards is skew, and no quantile stands for its variance.
+    Of a discrepancy that is as likely to each side: one steeper upwards is skew, and no quantile stands for it.
     """
-    monkeypatch.setattr(doubt, "STEEPER", 1.0)
+    monkeypatch.setattr(discrepancy, "STEEPER", 1.0)
     data = saturn("config-2-mode-1")
-    # normal parameters, one value of doubt and of scatter: otherwise tails are too heavy for a quantile to stand for a
-    # variance
+    # normal parameters, one value of discrepancy and of scatter: otherwise tails are too heavy for a quantile to stand
+    # for a variance
     pair = (("viscous", "displacement-velocity"), ("velocity-power",))
     members = [member(law, data, weight) for law, weight in zip(pair, (0.6, 0.4), strict=True)]
     for m in members:
@@ -157,7 +157,7 @@ def test_parts_add_to_the_whole(saturn, monkeypatch):
 def test_parts_of_one_law(saturn):
     data = saturn("config-2-mode-1")
     m = member(("velocity-power",), data)
-    m.draws[:, m.coordinates.names.index("doubt")] = -5.0  # none
+    m.draws[:, m.coordinates.names.index("discrepancy")] = -5.0  # none
     loads = predict([m], np.array([28.98, 90.0]), data, 0.9, seed=1)
     np.testing.assert_allclose(loads.parts["between_model"], 0.0, atol=1e-9)
     spread = 100.0 * np.log(amplitude_draws(m, np.array([28.98, 90.0]), data)).std(axis=0)
@@ -190,12 +190,12 @@ def test_a_prediction_does_not_move_with_the_other_forces_asked(saturn):
             np.testing.assert_allclose(getattr(own, end), getattr(beside, end)[same], rtol=1e-9)
 
 
-def test_bands_widen_with_doubt_and_with_distance(saturn):
+def test_bands_widen_with_discrepancy_and_with_distance(saturn):
     data = saturn("config-2-mode-1")
     m = member(("velocity-squared",), data)
     widths = []
     for sigma in (0.01, 0.1):
-        m.draws[:, m.coordinates.names.index("doubt")] = np.log(sigma / DOUBT_MEDIAN) / DOUBT_LOG_SD
+        m.draws[:, m.coordinates.names.index("discrepancy")] = np.log(sigma / DISCREPANCY_MEDIAN) / DISCREPANCY_LOG_SD
         loads = predict([m], np.array([28.98, 45.0, 90.0]), data, 0.9, seed=1)
         widths.append(np.log(loads.average.high / loads.average.low))
     assert np.all(np.diff(widths, axis=1) > 0.0)
@@ -203,11 +203,11 @@ def test_bands_widen_with_doubt_and_with_distance(saturn):
 
 
 def test_what_levels_leave_over_pulls_the_prediction_to_them(peaks):
-    """Where a law strays much and scatters little, its corrected amplitudes are the measured ones."""
+    """Where the discrepancy is large and the scatter small, its corrected amplitudes are the measured ones."""
     force = np.array([1.0, 1.5, 2.2, 3.3])
     data = peaks(force * np.array([1.0, 1.0, 1.05, 1.1]), force, 10.0)
     m = member(("viscous",), data)
-    m.draws[:, m.coordinates.names.index("doubt")] = 5.0
+    m.draws[:, m.coordinates.names.index("discrepancy")] = 5.0
     m.draws[:, -1] = -5.0  # scatter
     spread = draw_member(m, force, data, 0.0, np.random.default_rng(0))
     # the law alone misses the levels by up to 6 %, of which a residual leaves half the square

@@ -559,7 +559,7 @@ def test_what_loads_the_structure_in_the_test_alone_is_told_beside_a_wrong_frequ
 
 
 def test_a_damper_of_the_rig_is_told_beside_the_viscous_coefficient_it_adds_to(lab):
-    """In closed form: the armature of a shaker adds a quarter to the viscous coefficient; a measured force excludes it."""
+    """In closed form: a shaker's armature adds a quarter to the viscous coefficient; a measured force excludes it."""
     rows, mode = lab.bench().rows, lab.mode()
     record = lab.record(rows, lab.linear(rows, viscous=1.25 * lab.viscous), 4)
     (caution,) = describe_rig(explain(record, mode).leading.best)

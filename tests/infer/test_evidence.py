@@ -31,9 +31,9 @@ from damping.infer.observations import Observations
 from damping.infer.proposal import Proposal, fill_cube
 
 
-def undoubted(law: Law, data: Observations) -> Coordinates:
-    """Coordinates without a straying exponent, which has tests of its own (test_doubt.py)."""
-    return replace(Coordinates.of(law, data), with_doubt=False)
+def without_discrepancy(law: Law, data: Observations) -> Coordinates:
+    """Coordinates without a discrepancy of the exponent, which has tests of its own (test_discrepancy.py)."""
+    return replace(Coordinates.of(law, data), with_discrepancy=False)
 
 
 def log_of(x: np.ndarray, coordinates: Coordinates, data: Observations) -> np.ndarray:
@@ -44,7 +44,7 @@ def log_of(x: np.ndarray, coordinates: Coordinates, data: Observations) -> np.nd
 @pytest.mark.parametrize("name", ["viscous", "velocity-squared", "displacement-velocity"])
 def test_one_force_against_quadrature(name, saturn):
     data = saturn("config-2-mode-1")
-    c = undoubted(Law((name,)), data)
+    c = without_discrepancy(Law((name,)), data)
     found = evidence(c, data)
     total, scatter = np.linspace(-1.0, 1.0, 1601), np.linspace(-6.0, 6.0, 601)
     grid = np.stack(np.meshgrid(total, scatter, indexing="ij"), axis=-1)
@@ -59,7 +59,7 @@ def test_one_force_against_quadrature(name, saturn):
 
 def test_two_forces_against_prior_sampling(saturn):
     data = saturn("config-2-mode-1")
-    c = undoubted(Law(("viscous", "displacement-velocity")), data)
+    c = without_discrepancy(Law(("viscous", "displacement-velocity")), data)
     found = evidence(c, data)
     x = np.random.default_rng(0).standard_normal((400_000, c.dimension))
     from damping.infer.likelihood import log_likelihood
@@ -71,7 +71,7 @@ def test_two_forces_against_prior_sampling(saturn):
 
 def test_mode_is_a_maximum(saturn):
     data = saturn("config-2-mode-2")
-    c = undoubted(Law(("viscous", "quadratic-displacement")), data)
+    c = without_discrepancy(Law(("viscous", "quadratic-displacement")), data)
     posterior = Balanced(c, data)
     modes, _ = find_modes(posterior.log_density, *list_starts(posterior, start_at(fit_law(c.law, data), c)))
     around = modes[0] + 0.2 * np.random.default_rng(1).standard_normal((200, c.dimension))
@@ -81,7 +81,7 @@ def test_mode_is_a_maximum(saturn):
 
 @pytest.mark.parametrize("law", ["velocity-squared", "quadratic-displacement", "viscous"])
 def test_the_mode_is_found_where_a_law_misfits(law):
-    """What a law leaves over, scatter or a straying slope explains: the global maximum, of 20 000 draws of the prior.
+    """What a law leaves over, scatter or a discrepancy explains: the global maximum, of 20 000 draws of the prior.
 
     Beside ``viscous``, which fits, the others miss by half at the ends of a test of span four.
     """
@@ -96,7 +96,7 @@ def test_the_mode_is_found_where_a_law_misfits(law):
 
 @pytest.mark.parametrize("law", ["velocity-squared", "viscous"])
 def test_one_balanced_part_is_close_to_normal(law):
-    """A fifth of the first draws count, of a law that fits and of one whose slope must stray to fit."""
+    """A fifth of the first draws count, of a law that fits and of one whose slope must depart to fit."""
     data = simulated_levels(structures()[0], 4, 4.0, 0.01, np.random.default_rng(3))
     c = Coordinates.of(Law((law,)), data)
     posterior = Balanced(c, data)
@@ -136,12 +136,12 @@ def test_balanced_variables_have_the_same_density(saturn):
 def test_an_impossible_law_says_so(saturn):
     data = saturn("config-2-mode-1")
     with pytest.raises(AnalysisError, match="coulomb"):
-        evidence(undoubted(Law(("coulomb",)), data), data)
+        evidence(without_discrepancy(Law(("coulomb",)), data), data)
 
 
 def test_a_seed_gives_the_same_digits(saturn):
     data = saturn("config-2-mode-1")
-    c = undoubted(Law(("viscous", "slip")), data)
+    c = without_discrepancy(Law(("viscous", "slip")), data)
     first, second = evidence(c, data, seed=7), evidence(c, data, seed=7)
     assert first.log_z == second.log_z
     np.testing.assert_array_equal(first.draws, second.draws)

@@ -15,9 +15,9 @@ from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, Coordinates, Law
 from damping.infer.observations import Observations
 
 
-def undoubted(law: Law, data: Observations) -> Coordinates:
-    """Coordinates without a straying exponent, which has tests of its own (test_doubt.py)."""
-    return replace(Coordinates.of(law, data), with_doubt=False)
+def without_discrepancy(law: Law, data: Observations) -> Coordinates:
+    """Coordinates without a discrepancy of the exponent, which has tests of its own (test_discrepancy.py)."""
+    return replace(Coordinates.of(law, data), with_discrepancy=False)
 
 
 DRAWS = 20_000
@@ -27,7 +27,7 @@ ALARM = 1e-4
 
 
 def coordinates(components, saturn):
-    return undoubted(Law(components), saturn("config-2-mode-1"))
+    return without_discrepancy(Law(components), saturn("config-2-mode-1"))
 
 
 def prior_draws(c):
@@ -115,5 +115,5 @@ def test_a_law_of_no_force_is_refused_with_the_nearest_name():
 
 
 def test_level_scatter_only_where_sweeps_have_several_rows(saturn):
-    assert undoubted(Law(("viscous",)), saturn("config-2-mode-1")).names == ("total", "scatter")
-    assert undoubted(Law(("viscous",)), saturn("config-1-mode-2-rough")).names == ("total", "scatter")
+    assert without_discrepancy(Law(("viscous",)), saturn("config-2-mode-1")).names == ("total", "scatter")
+    assert without_discrepancy(Law(("viscous",)), saturn("config-1-mode-2-rough")).names == ("total", "scatter")

@@ -23,9 +23,9 @@ from damping.infer.likelihood import (
 from damping.infer.observations import Observations
 
 
-def undoubted(law: Law, data: Observations) -> Coordinates:
-    """Coordinates without a straying exponent, which has tests of its own (test_doubt.py)."""
-    return replace(Coordinates.of(law, data), with_doubt=False)
+def without_discrepancy(law: Law, data: Observations) -> Coordinates:
+    """Coordinates without a discrepancy of the exponent, which has tests of its own (test_discrepancy.py)."""
+    return replace(Coordinates.of(law, data), with_discrepancy=False)
 
 
 def swept(peaks, rows=5, levels=3):
@@ -61,14 +61,14 @@ def dense(x, c, data):
 
 def test_against_a_dense_multivariate_normal(peaks):
     data = swept(peaks)
-    c = undoubted(Law(("viscous", "displacement")), data)
+    c = without_discrepancy(Law(("viscous", "displacement")), data)
     assert c.with_level_scatter
     x = np.random.default_rng(4).standard_normal((6, c.dimension))
     np.testing.assert_allclose(log_likelihood(x, c, data), dense(x, c, data), rtol=1e-9)  # two routes, 15 x 15 algebra
 
 
 @pytest.mark.parametrize("forces", ["equal", "three", "all differ"])
-def test_many_levels_stray_as_the_dense_covariance_says(peaks, monkeypatch, forces):
+def test_many_levels_weigh_as_the_dense_covariance_says(peaks, monkeypatch, forces):
     """Single rows, each a sweep of its own label, took minutes: every density cost the cube of their number."""
     rng, n = np.random.default_rng(8), 60
     A = {"equal": np.ones(n), "three": np.tile([0.5, 1.0, 2.0], 20), "all differ": rng.uniform(0.5, 2.0, n)}[forces]
@@ -142,7 +142,7 @@ def test_known_uncertainties_are_propagated(peaks):
 
 def test_rows_of_a_single_sweep_have_the_marginals_of_its_covariance(peaks):
     data = swept(peaks)
-    c = undoubted(Law(("viscous", "displacement")), data)
+    c = without_discrepancy(Law(("viscous", "displacement")), data)
     alone = data.take_sweeps(np.array([False, True, False]))
     x = np.random.default_rng(7).standard_normal((4, c.dimension))
     n, h, known = residuals(c.force(x), alone)
@@ -170,8 +170,8 @@ def test_units_change_nothing(saturn):
     law = Law(("viscous", "velocity-squared"))
     x = np.random.default_rng(5).standard_normal((4, 3))
     np.testing.assert_allclose(
-        log_likelihood(x, undoubted(law, data), data),
-        log_likelihood(x, undoubted(law, metric), metric),
+        log_likelihood(x, without_discrepancy(law, data), data),
+        log_likelihood(x, without_discrepancy(law, metric), metric),
         rtol=1e-9,  # rounding of the factors
     )
 
@@ -180,19 +180,19 @@ def test_prior_is_standard_normal_and_cut_off(peaks):
     x = np.array([[0.3, -1.2], [2.0, 0.0]])
     np.testing.assert_allclose(log_prior(x), norm.logpdf(x).sum(axis=1), rtol=1e-13)
     data = peaks(np.array([1.0, 2.0]), np.array([10.0, 20.0]), 5.0)
-    c = undoubted(Law(("viscous",)), data)
+    c = without_discrepancy(Law(("viscous",)), data)
     assert Balanced(c, data).log_density(np.array([[0.0, REACH + 1.0]]))[0] == -np.inf
 
 
 def test_a_law_that_cannot_carry_the_force_is_impossible(peaks):
     data = peaks(np.array([1.0, 2.0]), np.array([10.0, 20.0]), 5.0)
-    c = undoubted(Law(("coulomb",)), data)
+    c = without_discrepancy(Law(("coulomb",)), data)
     assert log_likelihood(np.zeros((1, c.dimension)), c, data)[0] == -np.inf
 
 
 def test_units_left_out_add_up(peaks):
     data = swept(peaks)
-    c = undoubted(Law(("viscous",)), data)
+    c = without_discrepancy(Law(("viscous",)), data)
     x = np.random.default_rng(6).standard_normal((3, c.dimension))
     by_level = pointwise_log_likelihood(x, c, data)
     assert by_level.shape == (3, 3)
@@ -202,7 +202,7 @@ def test_units_left_out_add_up(peaks):
 def test_many_levels_against_a_dense_multivariate_normal(peaks):
     """Forty sweeps are summed in another way than a few."""
     data = replace(swept(peaks, 2, 40), sweep=np.tile(np.arange(40), 2))
-    c = undoubted(Law(("viscous",)), data)
+    c = without_discrepancy(Law(("viscous",)), data)
     x = np.random.default_rng(4).standard_normal((3, c.dimension))
     np.testing.assert_allclose(log_likelihood(x, c, data), dense(x, c, data), rtol=1e-9)  # two routes, 80 x 80
 
@@ -210,7 +210,7 @@ def test_many_levels_against_a_dense_multivariate_normal(peaks):
 def test_memory_does_not_grow_with_points_times_rows(peaks):
     """10^7 of them, 80 MB an array if taken at once; what comes out is what a few points at a time give."""
     data = swept(peaks, 2500, 4)
-    c = undoubted(Law(("viscous", "displacement")), data)
+    c = without_discrepancy(Law(("viscous", "displacement")), data)
     x = np.random.default_rng(4).standard_normal((1000, c.dimension))
     tracemalloc.start()
     found = log_likelihood(x, c, data)
@@ -225,7 +225,7 @@ def test_memory_does_not_grow_with_points_times_rows(peaks):
 def test_memory_does_not_grow_with_points_times_levels_squared(peaks):
     """4000 covariances of 40 levels, as of a decay, are 51 MB an array if taken at once."""
     data = replace(swept(peaks, 2, 40), sweep=np.tile(np.arange(40), 2))
-    c = undoubted(Law(("viscous",)), data)
+    c = without_discrepancy(Law(("viscous",)), data)
     x = np.random.default_rng(4).standard_normal((4000, c.dimension))
     tracemalloc.start()
     found = log_likelihood(x, c, data)

@@ -59,7 +59,7 @@ def test_a_band_of_linear_damping_misses():
     hits = []
     for i, structure in enumerate(3 * structures()[1:]):
         data = simulated_levels(structure, 5, SPAN, 0.02, np.random.default_rng(i))
-        c = replace(Coordinates.of(Law(("viscous",)), data), with_doubt=False)
+        c = replace(Coordinates.of(Law(("viscous",)), data), with_discrepancy=False)
         force = data.tested_force[data.top] * np.array([2.0])
         band = predict([Member("viscous", 1.0, c, evidence(c, data).draws)], force, data, LEVEL, 1).average
         hits.append(band.low[0] < structure.amplitude(force)[0] < band.high[0])

@@ -60,7 +60,7 @@ def draw_fresh(law: Candidate, data: Observations, seed: int) -> FloatArray:
     """Fresh posterior draws (n, dimension) from the last proposal of the evidence; the evidence's draws if few count.
 
     The evidence stops once it has enough effective draws, so it usually misses the draws of large weight at which
-    exponents stray far: with its draws the upper end of the Saturn V's band at 90 lb was 2.6 % too low.
+    discrepancy is large: with its draws the upper end of the Saturn V's band at 90 lb was 2.6 % too low.
     """
     posterior, first = Balanced.of(law.coordinates, data), law.weighed.draws
     fitted = posterior.find_variables(first[:: max(1, len(first) // MOST_FITTED)])

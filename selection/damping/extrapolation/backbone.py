@@ -17,7 +17,7 @@ from scipy.special import logsumexp, ndtr, ndtri
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.extrapolation.loosening import NO_CHANGE, Change, Loosening, list_kinds
 from damping.forces.contract import Force
-from damping.infer.doubt import FREQUENCY_SCATTER
+from damping.infer.discrepancy import FREQUENCY_SCATTER
 from damping.infer.observations import Observations
 from damping.predict.steady import bracketed_newton, resonant_amplitude
 from damping.records.mode import Mode

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from damping.extrapolation.plan import ENOUGH_LEVELS, NEAREST, ROUNDING, Plan
-from damping.infer.doubt import LIKELY
+from damping.infer.discrepancy import LIKELY
 from damping.infer.observations import Observations
 
 _WORDS = {2: "two", 3: "three", 4: "four"}

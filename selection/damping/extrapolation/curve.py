@@ -31,7 +31,7 @@ from damping.extrapolation.cautions import REFUSAL, UNKNOWN, list_cautions
 from damping.extrapolation.levels import OF_PREDICTED, describe_bistability
 from damping.extrapolation.plan import NEAREST, ROUNDING
 from damping.extrapolation.prediction import Band, Loads
-from damping.infer.doubt import SLOPES
+from damping.infer.discrepancy import SLOPES
 from damping.infer.observations import Observations
 from damping.records.keys import LARGEST, SMALLEST
 

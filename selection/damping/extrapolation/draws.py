@@ -1,4 +1,4 @@
-"""Draws of the next test's reading at any force: law, straying of its exponent, noise; pooled over laws.
+"""Draws of the next test's reading at any force: law, its discrepancy, noise; pooled over laws.
 
 The same draws, reweighted, show the effect of another prior and of one more level.
 
@@ -24,7 +24,15 @@ from scipy.special import gammaln
 from damping.arrays import BoolArray, FloatArray, IntArray, join_rows
 from damping.extrapolation.backbone import Backbone
 from damping.forces.contract import Force, Sum
-from damping.infer.doubt import ANY_JOINT, DOUBT_LOG_SD, JointEvidence, extend, place_steps, read_path, stray
+from damping.infer.discrepancy import (
+    ANY_JOINT,
+    DISCREPANCY_LOG_SD,
+    JointEvidence,
+    draw_discrepancy,
+    extend,
+    place_steps,
+    read_path,
+)
 from damping.infer.law import EACH_WITH_ROWS, SCATTER_LOG_SD, Coordinates
 from damping.infer.likelihood import by_sweep, level_exponents, residuals, scatter_covariance
 from damping.infer.observations import Observations
@@ -59,15 +67,15 @@ class Member:
         return self.backbone.solve(damping, force, omega)
 
     def thin(self) -> Member:
-        """The member with draws evenly chosen in order of straying, as many as its share of ``AVERAGE_DRAWS``.
+        """The member with draws evenly chosen in order of discrepancy, as many as its share of ``AVERAGE_DRAWS``.
 
-        In that order the points of :func:`damping.infer.doubt.stray` fill the paths of draws that stray similarly.
+        In that order the points of :func:`damping.infer.discrepancy.draw_discrepancy` fill the paths of similar draws.
         """
         fewest = FEWEST_DRAWS if self.weight > LEAST_WEIGHT else FEWEST_OF_LITTLE
         wanted = max(fewest, int(AVERAGE_DRAWS * self.weight))
         draws = self.draws
-        if self.coordinates.with_doubt:
-            draws = draws[np.argsort(draws[:, self.coordinates.names.index("doubt")], kind="stable")]
+        if self.coordinates.with_discrepancy:
+            draws = draws[np.argsort(draws[:, self.coordinates.names.index("discrepancy")], kind="stable")]
         if len(draws) > wanted:
             draws = draws[np.arange(wanted) * len(draws) // wanted]
         return replace(self, draws=draws)
@@ -81,7 +89,7 @@ class Draws:
     """
 
     law: FloatArray  #: the law's amplitude, corrected by the levels
-    stray: FloatArray  #: of the exponent
+    discrepancy: FloatArray
     noise: FloatArray  #: of the next reading
     resonates: BoolArray  #: whether the damping force reaches the force at any amplitude
     short: BoolArray  #: whether it is smaller than the force at the largest tested amplitude
@@ -89,7 +97,7 @@ class Draws:
     @property
     def total(self) -> FloatArray:
         """ln A of the next test."""
-        return self.law + self.stray + self.noise
+        return self.law + self.discrepancy + self.noise
 
     def at(self, columns: IntArray | slice) -> Draws:
         """The draws at a selection of the forces."""
@@ -124,7 +132,7 @@ def draw_members(
     return [draw_member(member, force, data, repeatability, rng) for member, rng in zip(members, rngs, strict=True)]
 
 
-@np.errstate(divide="ignore", invalid="ignore")  # ln of an amplitude of 0, and straying of an infinite one
+@np.errstate(divide="ignore", invalid="ignore")  # ln of an amplitude of 0, and discrepancy of an infinite one
 def draw_member(
     member: Member, force: FloatArray, data: Observations, repeatability: float, rng: np.random.Generator
 ) -> Draws:
@@ -143,26 +151,28 @@ def draw_member(
         level = np.maximum(level, repeatability)
     else:
         row = np.maximum(row, repeatability)
-    sigma, noise = member.coordinates.doubt(draws, parts), row**2 + level**2
+    sigma, noise = member.coordinates.discrepancy(draws, parts), row**2 + level**2
     deviations, errors, known = _compare_levels(damping, row, level, data)
     of_noise, of_paths = rng.spawn(2)
     places = (np.append(within, top), steps[1:])
-    mean, drawn = stray(sigma[which], deviations[which], lambda of: errors(which[of]), tested, *places, of_paths)
+    mean, drawn = draw_discrepancy(
+        sigma[which], deviations[which], lambda of: errors(which[of]), tested, *places, of_paths
+    )
 
-    def follow(strays: FloatArray, *, lets_go: bool) -> FloatArray:
+    def follow(discrepancy: FloatArray, *, lets_go: bool) -> FloatArray:
         log_A = np.empty(of_law.shape)
-        log_A[:, asked <= top] = of_law[:, asked <= top] + strays[:, : len(within)]
+        log_A[:, asked <= top] = of_law[:, asked <= top] + discrepancy[:, : len(within)]
         options = {"lets_go": lets_go, "of_decay": data.amplitude_is_input}
-        path = extend(on_steps, strays[:, len(within) :], steps, member.joint, **options)
+        path = extend(on_steps, discrepancy[:, len(within) :], steps, member.joint, **options)
         log_A[:, asked > top] = read_path(path, on_steps, of_law[:, asked > top], asked[asked > top], steps)
         return log_A
 
-    law = follow(mean, lets_go=False)  # a joint that lets go is part of the straying
+    law = follow(mean, lets_go=False)  # a joint that lets go is part of the discrepancy
     # the same noise at all forces, so that bands are smooth
     noise = np.sqrt(noise[which] + known[which]) * of_noise.standard_normal(len(which))
-    strayed = follow(drawn, lets_go=True) - law
+    discrepancy = follow(drawn, lets_go=True) - law
     short = damping.quadrature(data.tested_amplitude[data.top], data.tested_omega[data.top]) < np.exp(asked)
-    return Draws(law, strayed, np.broadcast_to(noise[:, None], law.shape), np.isfinite(of_law), short[which])
+    return Draws(law, discrepancy, np.broadcast_to(noise[:, None], law.shape), np.isfinite(of_law), short[which])
 
 
 def _compare_levels(
@@ -221,9 +231,11 @@ def _scatter_ratio(member: Member, factor: float) -> FloatArray:
 
 
 def _discrepancy_ratio(member: Member, factor: float) -> FloatArray:
-    if not member.coordinates.with_doubt:
+    if not member.coordinates.with_discrepancy:
         return np.ones(len(member.draws))
-    return _shift_ratio(member.draws[:, [member.coordinates.names.index("doubt")]], np.log(factor) / DOUBT_LOG_SD)
+    return _shift_ratio(
+        member.draws[:, [member.coordinates.names.index("discrepancy")]], np.log(factor) / DISCREPANCY_LOG_SD
+    )
 
 
 def _share_ratio(member: Member, factor: float) -> FloatArray:
@@ -264,7 +276,7 @@ def choose_next_level(
     pooled, shares = join_rows(draws), find_shares(members, draws)
     resonating = np.isfinite(pooled.total[:, -1])  # a draw without a resonance at the design force has no width there
     order = np.flatnonzero(resonating)[np.argsort(pooled.total[resonating, -1])]
-    at_design, shares, drawn = pooled.total[order, -1], shares[order], (pooled.law + pooled.stray)[order]
+    at_design, shares, drawn = pooled.total[order, -1], shares[order], (pooled.law + pooled.discrepancy)[order]
     # the noise of the further level spreads its readings and is independent of the noise at the design force
     sd = np.maximum(np.sqrt(shares @ pooled.noise[order] ** 2 / shares.sum()), 1e-6)
     tail = 0.5 * (1.0 - level)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri, stdtr
 
 from damping.arrays import FloatArray, IntArray
-from damping.infer.doubt import JointEvidence, find_joint
+from damping.infer.discrepancy import JointEvidence, find_joint
 from damping.infer.observations import Observations
 from damping.records.mode import Mode
 

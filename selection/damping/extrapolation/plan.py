@@ -3,8 +3,8 @@
 It says whether the law changes at the top of the test (local exponent p = d ln F/d ln A from level to level), which
 laws are averaged with what weights, and how far beyond the test predictions are given.
 
-Weights are posterior probabilities on the rows near resonance, by the same evidence that ranks. It allows exponents to
-stray (:mod:`damping.infer.doubt`), so that levels do not carry more weight than their information.
+Weights are posterior probabilities on the rows near resonance, by the same evidence that ranks. It allows for a
+discrepancy (:mod:`damping.infer.discrepancy`), so that levels do not carry more weight than their information.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,7 +15,7 @@ import numpy as np
 from damping.arrays import BoolArray, Floats
 from damping.extrapolation.levels import Trend, describe_state, expect_scatter, find_trend, read_resonances
 from damping.infer.best_fit import BestFit, fit_law, fit_laws
-from damping.infer.doubt import ANY_JOINT, JOINTS, JointEvidence
+from damping.infer.discrepancy import ANY_JOINT, JOINTS, JointEvidence
 from damping.infer.evidence import Estimate, evidence
 from damping.infer.law import Law
 from damping.infer.observations import Observations

@@ -5,7 +5,7 @@ force, or along the backbone where that moves. The next test's reading has four 
 
 - parameters: posterior draws of the law's amplitude, corrected by the tested levels;
 - between-model: which law, by its posterior probability;
-- discrepancy: how far the structure strays from a law's exponent beyond the test (:mod:`damping.infer.doubt`);
+- discrepancy: how far the structure departs from a law's exponent beyond the test (:mod:`damping.infer.discrepancy`);
 - measurement noise: scatter of a level and of a reading, and the uncertainties stated in the record.
 """
 
@@ -160,22 +160,22 @@ def predict(
 @np.errstate(invalid="ignore")  # laws with infinite amplitudes are infinitely far apart
 def _split_variance(draws: Sequence[Draws], weights: FloatArray) -> dict[str, FloatArray]:
     """Standard deviations in per cent by the law of total variance, each (forces,)."""
-    mean, within, stray, noise = map(np.array, zip(*map(_find_moments, draws), strict=True))
+    mean, within, discrepancy, noise = map(np.array, zip(*map(_find_moments, draws), strict=True))
     variances = {
         "measurement_noise": weights @ noise,
         "parameters": weights @ within,
         "between_model": weights @ (mean - weights @ mean) ** 2,
-        "discrepancy": weights @ stray,
+        "discrepancy": weights @ discrepancy,
     }
     return {name: 100.0 * np.sqrt(variance) for name, variance in variances.items()}
 
 
 def _find_moments(drawn: Draws) -> tuple[FloatArray, ...]:
-    """Mean of a law's ln A, and the variances of ln A, of its straying and of the noise, each (forces,)."""
+    """Mean of a law's ln A, and the variances of ln A, of its discrepancy and of the noise, each (forces,)."""
     known = np.isfinite(drawn.law).any(axis=0)  # if no draw resonates, the law makes no prediction
     law = np.where(known, drawn.law, 0.0)
-    stray = np.nanvar(np.where(known, drawn.stray, 0.0), axis=0)
-    return np.nanmean(law, axis=0), np.nanvar(law, axis=0), stray, np.mean(drawn.noise**2, axis=0)
+    discrepancy = np.nanvar(np.where(known, drawn.discrepancy, 0.0), axis=0)
+    return np.nanmean(law, axis=0), np.nanvar(law, axis=0), discrepancy, np.mean(drawn.noise**2, axis=0)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # amplitudes may be infinite, or 0 with ln 0

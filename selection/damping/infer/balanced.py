@@ -1,13 +1,13 @@
 """The posterior of a law over variables in which a few ellipsoids cover it, for importance sampling and chains.
 
-Given all other parameters, data fix the total force within the scatter and straying of the levels. Over the variables x
-of a law (:mod:`damping.infer.law`) the posterior is therefore thin and curved. It is neither over z, in which x_1, the
-logarithm of the total, is counted from the value t that fits best:
+Given all other parameters, data fix the total force within the scatter and discrepancy of the levels. Over the
+variables x of a law (:mod:`damping.infer.law`) the posterior is therefore thin and curved. It is neither over z, in
+which x_1, the logarithm of the total, is counted from the value t that fits best:
 
     x_1 = t + s z_1,      t = sum_l a_l t_l,     a = S^-1 1/(1' S^-1 1),      s = sqrt(levels/1' S^-1 1)/median scatter.
 
 At x_1 = t_l the law fits the measured forces of level l, sum w C D/sum w C^2 = 1 over its rows, w = 1/(D^2 + R^2). S is
-the covariance of the levels from scatter and straying of the slope (generalised least squares): where a law strays,
+the covariance of the levels from scatter and discrepancy (generalised least squares): where the discrepancy is large,
 the middle of the test alone fixes it. t and s are functions of x_2, x_3, ...; p(z) = p(x) s.
 """
 
@@ -24,9 +24,9 @@ from damping.infer.likelihood import (
     REACH,
     by_blocks,
     by_sweep,
+    covariance_of_levels,
     find_averages,
     log_prior,
-    stray_levels,
     sum_rows,
     weigh_levels,
 )
@@ -38,11 +38,11 @@ FARTHEST = 3.0
 
 @dataclass(frozen=True)
 class _Balance:
-    """x with x_1 = 0; the law's parts there, without exp(x_1); doubt; a (points, levels) and s (points,)."""
+    """x with x_1 = 0; the law's parts there, without exp(x_1); sigma; a (points, levels) and s (points,)."""
 
     x: FloatArray
     parts: list[Part]
-    doubt: FloatArray
+    sigma: FloatArray
     a: FloatArray
     s: FloatArray
 
@@ -73,7 +73,7 @@ class Balanced:
 
         sums = by_blocks(weigh, len(z), len(self.data.A))
         inside = (np.abs(x) < REACH).all(axis=1)
-        likelihood = weigh_levels(sums, x, balance.doubt, self.coordinates, self.data)
+        likelihood = weigh_levels(sums, x, balance.sigma, self.coordinates, self.data)
         return np.where(inside, log_prior(x) + likelihood + np.log(balance.s), -np.inf)
 
     def find_points(self, z: FloatArray) -> FloatArray:
@@ -104,23 +104,23 @@ class Balanced:
         x = np.clip(z, -REACH, REACH, order="F")
         x[:, 0] = 0.0
         parts, (row, level) = self.coordinates.find_parts(x), self.coordinates.scatter(x)
-        doubt = self.coordinates.stray(x, parts)
-        strays, directions = self._of_levels
-        variance = level**2 + self._per_level * (row**2 + self._known) + np.multiply.outer(strays, doubt**2)
+        sigma = self.coordinates.discrepancy_of_levels(x, parts)
+        variances, directions = self._of_levels
+        variance = level**2 + self._per_level * (row**2 + self._known) + np.multiply.outer(variances, sigma**2)
         of_direction = np.ascontiguousarray((directions.sum(axis=0)[:, None] / variance).T)
         precision = of_direction @ directions.sum(axis=0)
         return _Balance(
             x,
             parts,
-            doubt,
+            sigma,
             np.asfortranarray(of_direction @ directions.T / precision[:, None]),
-            np.sqrt(len(strays) / precision) / SCATTER_MEDIAN,
+            np.sqrt(len(variances) / precision) / SCATTER_MEDIAN,
         )
 
     @cached_property
     def _of_levels(self) -> tuple[FloatArray, FloatArray]:
-        """Principal variances and directions of the straying of levels, (levels,) and (levels, levels)."""
-        variance, directions = np.linalg.eigh(stray_levels(self.coordinates, self.data))
+        """Principal variances and directions of the discrepancy of levels, (levels,) and (levels, levels)."""
+        variance, directions = np.linalg.eigh(covariance_of_levels(self.coordinates, self.data))
         return np.maximum(variance, 0.0), directions
 
     @cached_property

@@ -8,7 +8,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.infer.chains import Posterior, load_arviz
-from damping.infer.likelihood import measure_discrepancy, pointwise_log_likelihood
+from damping.infer.likelihood import measure_misfit, pointwise_log_likelihood
 from damping.infer.observations import Observations
 
 #: Pareto k above which an importance-sampled leave-one-out value is unreliable (Vehtari, Gelman & Gabry 2017).
@@ -29,12 +29,12 @@ class LeaveOneOut:
 
 @dataclass(frozen=True)
 class PredictiveCheck:
-    """Replicated against measured data by the discrepancy of :func:`damping.infer.likelihood.measure_discrepancy`.
+    """Replicated against measured data by the misfit of :func:`damping.infer.likelihood.measure_misfit`.
 
     Intervals are of the predictive resonant amplitude of each tested sweep, per cent of the measured, (sweeps,).
     """
 
-    #: share of draws whose replicated discrepancy exceeds the measured one; near 0 the law fits worse than its scatter
+    #: share of draws whose replicated misfit exceeds the measured one; near 0 the law fits worse than its scatter
     #: explains, near 1 better
     p_value: float
     median: FloatArray
@@ -84,7 +84,7 @@ def predictive_check(
         level: content of the predictive intervals.
     """
     rng = np.random.default_rng(seed)
-    measured = measure_discrepancy(posterior.draws, posterior.coordinates, data)
+    measured = measure_misfit(posterior.draws, posterior.coordinates, data)
     replicated = rng.chisquare(len(data.A), size=len(measured))
     scatter = np.hypot(*posterior.coordinates.scatter(posterior.draws))[:, None]
     percent = 100.0 * amplitude / data.tested_amplitude * np.exp(scatter * rng.standard_normal(amplitude.shape))

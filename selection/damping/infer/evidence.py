@@ -30,7 +30,7 @@ STILL = 1e-2
 START_BITS = 12  #: binary digits of the start of the search, so that rounding in other units does not move it
 #: Prior points, the best of which starts a second search.
 STARTS = 512
-#: Standard normal variables of scatters and doubt at which the search from the best fit may start.
+#: Standard normal variables of scatters and discrepancy at which the search from the best fit may start.
 SCORES = (-2.0, -1.0, 0.0, 1.0, 2.0, 3.0)
 APART = 1.0  #: distance, in joint standard deviations, from which two modes are distinct
 BARRIER = 1e8  #: finite value for an impossible law in the search
@@ -81,10 +81,10 @@ def start_at(fit: BestFit, coordinates: Coordinates) -> FloatArray:
 def list_starts(posterior: Balanced, start: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Starts of the search for modes in balanced variables: from the best fit x ``start`` (d,), (n, d); prior, (m, d).
 
-    The best fit is combined with every scatter and doubt of ``SCORES``, since either may explain its residuals.
+    The best fit is combined with every scatter and discrepancy of ``SCORES``, since either may explain its residuals.
     """
     coordinates, z = posterior.coordinates, posterior.find_variables(start[None])[0]
-    vary = [i for i, name in enumerate(coordinates.names) if name in ("doubt", "scatter", "level_scatter")]
+    vary = [i for i, name in enumerate(coordinates.names) if name in ("discrepancy", "scatter", "level_scatter")]
     scores = np.array(list(product(SCORES, repeat=len(vary))))
     fitted = np.repeat(z[None], 1 + len(scores), axis=0)
     fitted[1:, vary] = scores

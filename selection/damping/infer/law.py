@@ -29,7 +29,7 @@ from damping.errors import InputError
 from damping.forces import Component, component
 from damping.forces.contract import Sum
 from damping.forces.shapes import Shape, Tested
-from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, nonlinearity
+from damping.infer.discrepancy import DISCREPANCY_LOG_SD, DISCREPANCY_MEDIAN, nonlinearity
 from damping.infer.observations import DRAWN_BITS, Observations, round_bits
 
 #: Standard deviation of ln(total): a factor e between a law and the measured force at the reference.
@@ -107,7 +107,7 @@ class Coordinates:
     reference: tuple[float, float, float]  #: amplitude, omega, damping force
     tested: Tested  #: range of the test
     with_level_scatter: bool  #: whether several sweeps of several rows make both scatters parameters
-    with_doubt: bool = False  #: whether the local exponent may stray from the law's (:mod:`damping.infer.doubt`)
+    with_discrepancy: bool = False  #: whether the exponent may depart from the law's
     of_decay: bool = False  #: whether levels are judged by force at a given amplitude
 
     @classmethod
@@ -130,8 +130,8 @@ class Coordinates:
         """Names of the variables, in order."""
         shares = [f"share {part.name}" for part in self.law.parts[:-1]]
         scatters = ["scatter", "level_scatter"] if self.with_level_scatter else ["scatter"]
-        doubt = ["doubt"] if self.with_doubt else []
-        return ("total", *shares, *self.law.free_shapes, *doubt, *scatters)
+        discrepancy = ["discrepancy"] if self.with_discrepancy else []
+        return ("total", *shares, *self.law.free_shapes, *discrepancy, *scatters)
 
     @property
     def dimension(self) -> int:
@@ -218,20 +218,20 @@ class Coordinates:
             return scatter[..., 0], scatter[..., 1]
         return scatter[..., -1], np.zeros(x.shape[:-1])
 
-    def doubt(self, x: FloatArray, parts: Sequence[Part] = ()) -> FloatArray:
-        """Standard deviation of the straying slope, 0 where it is not a parameter; array ``x.shape[:-1]``.
+    def discrepancy(self, x: FloatArray, parts: Sequence[Part] = ()) -> FloatArray:
+        """Standard deviation sigma of the slope's discrepancy, 0 where it is not a parameter; array ``x.shape[:-1]``.
 
         ``parts``: of the law at ``x`` (``find_parts``), where known.
         """
-        if not self.with_doubt:
+        if not self.with_discrepancy:
             return np.zeros(x.shape[:-1])
-        sigma = DOUBT_MEDIAN * np.exp(DOUBT_LOG_SD * x[..., -3 if self.with_level_scatter else -2])
+        sigma = DISCREPANCY_MEDIAN * np.exp(DISCREPANCY_LOG_SD * x[..., -3 if self.with_level_scatter else -2])
         return np.asarray(sigma * nonlinearity(self.exponents(x, parts)))
 
-    def stray(self, x: FloatArray, parts: Sequence[Part] = ()) -> FloatArray:
-        """:meth:`doubt` as it moves the quantity that levels are judged by: ln A, or p times that, ln F, in a decay."""
-        doubt = self.doubt(x, parts)
-        return doubt * np.nan_to_num(self.exponents(x, parts)).mean(axis=-1) if self.of_decay else doubt
+    def discrepancy_of_levels(self, x: FloatArray, parts: Sequence[Part] = ()) -> FloatArray:
+        """:meth:`discrepancy` of the quantity that levels are judged by: ln A, or ln F, p times that, in a decay."""
+        sigma = self.discrepancy(x, parts)
+        return sigma * np.nan_to_num(self.exponents(x, parts)).mean(axis=-1) if self.of_decay else sigma
 
     def exponents(self, x: FloatArray, parts: Sequence[Part] = ()) -> FloatArray:
         """Local exponents p = d ln F/d ln A at both ends of the tested range, (..., 2); NaN where there is no force."""
@@ -249,11 +249,11 @@ class Coordinates:
         return values
 
     def parameters(self, x: FloatArray) -> dict[str, FloatArray]:
-        """All physical parameters by name: ``force_parameters``, ``doubt``, ``scatter`` and ``level_scatter``."""
+        """All physical parameters by name: ``force_parameters``, ``discrepancy``, ``scatter`` and ``level_scatter``."""
         values = self.force_parameters(x)
         row, level = self.scatter(x)
-        if self.with_doubt:
-            values["doubt"] = self.doubt(x)
+        if self.with_discrepancy:
+            values["discrepancy"] = self.discrepancy(x)
         values["scatter"] = row
         if self.with_level_scatter:
             values["level_scatter"] = level

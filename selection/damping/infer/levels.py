@@ -1,4 +1,4 @@
-"""Errors of whole levels integrated out: by their covariance, or, of many levels, by the curves in which they stray.
+"""Errors of whole levels integrated out: by their covariance, or, of many levels, by the curves of their discrepancy.
 
 With B = I + S K S for levels of covariance K, Woodbury's formula gives the likelihood of the rows. Straying joins every
 level to every other. Of many levels it is a sum of few independent curves (principal components of a smooth process)
@@ -10,26 +10,26 @@ from functools import lru_cache
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.infer.doubt import stray_covariance
+from damping.infer.discrepancy import discrepancy_covariance
 
-#: Largest share of the variance of straying levels that is left to each separately: on a hundred levels over a factor
+#: Largest share of the discrepancy's variance that is left to each level separately: on a hundred levels over a factor
 #: of four some fifteen curves are kept, and ln p of laws that matter is right to a few hundredths.
 _LEFT = 3e-5
 
 
 @lru_cache(maxsize=256)  # shared by all laws on a record
-def stray_at(z: tuple[float, ...], origin: float) -> FloatArray:
-    """Covariance of ln A of levels at ln F = z (s,) where the slope strays by 1 from an ``origin``, (s, s)."""
-    return stray_covariance(np.array(z), np.array(z), origin)
+def covariance_at(z: tuple[float, ...], origin: float) -> FloatArray:
+    """Covariance of ln A of levels at ln F = z (s,) for a discrepancy of 1, from an ``origin``, (s, s)."""
+    return discrepancy_covariance(np.array(z), np.array(z), origin)
 
 
 @lru_cache(maxsize=256)  # as above
-def split_strays(z: tuple[float, ...], origin: float) -> tuple[FloatArray, FloatArray]:
-    """Curves U (s, curves) and rests (s,) of straying levels at z (s,): U U^T + diag(rests) is nearly their covariance.
+def split_covariance(z: tuple[float, ...], origin: float) -> tuple[FloatArray, FloatArray]:
+    """Curves U (s, curves) and rests (s,): U U^T + diag(rests) is nearly the covariance of levels at z (s,).
 
     Its diagonal is exact, and at most ``_LEFT`` of it is in the rests.
     """
-    whole = stray_at(z, origin)
+    whole = covariance_at(z, origin)
     variance, directions = np.linalg.eigh(whole)
     left = np.cumsum(np.maximum(variance, 0.0))
     shared = left > _LEFT * left[-1]
@@ -58,22 +58,22 @@ def integrate_levels(sums: FloatArray, covariance: FloatArray) -> tuple[FloatArr
 
 
 def integrate_curves(
-    sums: FloatArray, level: FloatArray, doubt: FloatArray, U: FloatArray, rests: FloatArray
+    sums: FloatArray, level: FloatArray, sigma: FloatArray, U: FloatArray, rests: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """`integrate_levels` with K = diag(d) + doubt^2 U U^T, d = level^2 + doubt^2 ``rests``; by Woodbury a second time.
+    """`integrate_levels` with K = diag(d) + sigma^2 U U^T, d = level^2 + sigma^2 ``rests``; by Woodbury a second time.
 
-    ``level``, ``doubt``: of each point; U (s, curves) and rests (s,): of `split_strays`.
+    ``level``, ``sigma``: of each point; U (s, curves) and rests (s,): of `split_covariance`.
     """
     nn, hh, hn = sums[1:].reshape(3, -1, sums.shape[1])
     s, curves = U.shape
-    d = level**2 + np.multiply.outer(rests, doubt**2)
+    d = level**2 + np.multiply.outer(rests, sigma**2)
     own = 1.0 + hh * d
-    factor = np.empty((curves + 1, curves, len(doubt)))
+    factor = np.empty((curves + 1, curves, len(sigma)))
     products = (U[:, :, None] * U[:, None]).reshape(s, curves**2).T
-    factor[:curves] = (products @ (hh / own)).reshape(curves, curves, len(doubt)) * doubt**2
+    factor[:curves] = (products @ (hh / own)).reshape(curves, curves, len(sigma)) * sigma**2
     pivots = np.einsum("jjp->jp", factor[:curves])  # a view
     pivots += 1.0
-    factor[curves] = doubt * (U.T @ (hn / own))
+    factor[curves] = sigma * (U.T @ (hn / own))
     alone = np.sum(np.maximum(nn - hn**2 * d / own, 0.0), axis=0)
     _factorise(factor)
     log_determinant = np.sum(np.log(own), axis=0) + 2.0 * np.sum(np.log(pivots), axis=0)

@@ -20,9 +20,9 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.forces.contract import Force
-from damping.infer.doubt import OF_FRICTION
+from damping.infer.discrepancy import OF_FRICTION
 from damping.infer.law import Coordinates
-from damping.infer.levels import integrate_curves, integrate_levels, split_strays, stray_at
+from damping.infer.levels import covariance_at, integrate_curves, integrate_levels, split_covariance
 from damping.infer.observations import Observations
 
 REACH = 8.0  #: the prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow
@@ -88,7 +88,7 @@ def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) 
         return sum_rows(*find_averages(coordinates.join(parts, points), data), row[points], coordinates, data)
 
     sums = by_blocks(weigh, len(x), len(data.A))
-    return weigh_levels(sums, x, coordinates.stray(x, parts), coordinates, data)
+    return weigh_levels(sums, x, coordinates.discrepancy_of_levels(x, parts), coordinates, data)
 
 
 def by_blocks(work: Callable[[slice], FloatArray], number: int, rows: int) -> FloatArray:
@@ -114,30 +114,30 @@ def sum_rows(
     with np.errstate(all="ignore"):
         value = -0.5 * n.shape[1] * np.mean(np.log(2.0 * np.pi * np.ascontiguousarray(variance)), axis=1)
         sums = [_sum_over(n * n, variance, data)]
-        if coordinates.with_level_scatter or coordinates.with_doubt:
+        if coordinates.with_level_scatter or coordinates.with_discrepancy:
             sums += [_sum_over(h * h, variance, data), _sum_over(h * n, variance, data)]
     return np.vstack([value, *(of.T for of in sums)])
 
 
 def weigh_levels(
-    sums: FloatArray, x: FloatArray, doubt: FloatArray, coordinates: Coordinates, data: Observations
+    sums: FloatArray, x: FloatArray, sigma: FloatArray, coordinates: Coordinates, data: Observations
 ) -> FloatArray:
-    """Log likelihood (points,) from :func:`sum_rows`; ``doubt``: standard deviation of the straying slope (points,)."""
+    """Log likelihood (points,) from :func:`sum_rows`; ``sigma``: of the slope's discrepancy, (points,)."""
     value = sums[0]
     with np.errstate(all="ignore"):
-        if coordinates.with_level_scatter or coordinates.with_doubt:
+        if coordinates.with_level_scatter or coordinates.with_discrepancy:
             levels = len(data.sweeps)
             many = levels > _FEW and not data.amplitude_is_input  # the drift of a decay is too rough for few curves
 
             def weigh(points: slice) -> FloatArray:
                 if many:
-                    strays = split_strays(*_place_levels(coordinates, data))
+                    curves = split_covariance(*_place_levels(coordinates, data))
                     level = coordinates.scatter(x[points])[1]
-                    discrepancy, log_determinant = integrate_curves(sums[:, points], level, doubt[points], *strays)
+                    misfit, log_determinant = integrate_curves(sums[:, points], level, sigma[points], *curves)
                 else:
-                    covariance = level_covariance(x[points], coordinates, data, doubt[points])
-                    discrepancy, log_determinant = integrate_levels(sums[:, points], covariance)
-                return np.asarray(-0.5 * discrepancy - 0.5 * log_determinant)
+                    covariance = level_covariance(x[points], coordinates, data, sigma[points])
+                    misfit, log_determinant = integrate_levels(sums[:, points], covariance)
+                return np.asarray(-0.5 * misfit - 0.5 * log_determinant)
 
             # half of a symmetric matrix is worked on
             value = value + by_blocks(weigh, len(x), levels if many else (levels**2 + 1) // 2)
@@ -146,8 +146,8 @@ def weigh_levels(
     return np.where(np.isfinite(value), value, -np.inf)
 
 
-def measure_discrepancy(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
-    """n^T V^-1 n at points x (points, dimension), (points,); V: covariance of n by the scatters, without straying.
+def measure_misfit(x: FloatArray, coordinates: Coordinates, data: Observations) -> FloatArray:
+    """n^T V^-1 n at points x (points, dimension), (points,); V: covariance of n by the scatters alone.
 
     If the law holds and errors are normal, it is chi-square with as many degrees of freedom as there are rows.
     """
@@ -156,7 +156,7 @@ def measure_discrepancy(x: FloatArray, coordinates: Coordinates, data: Observati
     def weigh(points: slice) -> FloatArray:
         averages = find_averages(coordinates.join(coordinates.find_parts(x[points])), data)
         sums = sum_rows(*averages, row[points], coordinates, data)
-        if not (coordinates.with_level_scatter or coordinates.with_doubt):
+        if not (coordinates.with_level_scatter or coordinates.with_discrepancy):
             return np.asarray(np.sum(sums[1:], axis=0))
         return integrate_levels(sums, scatter_covariance(row[points], level[points], data))[0]
 
@@ -170,25 +170,25 @@ def _sum_over(values: FloatArray, variance: FloatArray, data: Observations) -> F
     return by_sweep(values / variance, data)
 
 
-def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations, doubt: FloatArray) -> FloatArray:
-    """Covariance of ln A of the levels about the law: their scatter and straying of the exponent, (points, s, s).
+def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations, sigma: FloatArray) -> FloatArray:
+    """Covariance of ln A of the levels about the law: their scatter and discrepancy, (points, s, s).
 
-    ``doubt``: standard deviation of the straying slope, (points,).
+    ``sigma``: standard deviation of the slope's discrepancy, (points,).
     """
     # points last in memory: see `find_averages`
-    strays = np.moveaxis(np.multiply.outer(stray_levels(coordinates, data), doubt**2), -1, 0)
+    discrepancy = np.moveaxis(np.multiply.outer(covariance_of_levels(coordinates, data), sigma**2), -1, 0)
     if not (coordinates.with_level_scatter or data.amplitude_is_input):  # levels have no errors of their own
-        return strays
-    return scatter_covariance(*coordinates.scatter(x), data) + strays
+        return discrepancy
+    return scatter_covariance(*coordinates.scatter(x), data) + discrepancy
 
 
-def stray_levels(coordinates: Coordinates, data: Observations) -> FloatArray:
-    """Covariance of ln A of the levels where the slope strays by 1, (s, s)."""
-    return stray_at(*_place_levels(coordinates, data))
+def covariance_of_levels(coordinates: Coordinates, data: Observations) -> FloatArray:
+    """Covariance of ln A of the levels for a discrepancy of 1, (s, s)."""
+    return covariance_at(*_place_levels(coordinates, data))
 
 
 def _place_levels(coordinates: Coordinates, data: Observations) -> tuple[tuple[float, ...], float]:
-    """ln F of the levels, and where straying begins."""
+    """ln F of the levels, and where the discrepancy begins."""
     return tuple(np.log(data.tested_force)), float(np.log(coordinates.reference[2]))
 
 

@@ -24,7 +24,7 @@ LEAST_WIDE = 0.2
 BROAD_SHARE = 0.3
 BROAD = 4.0
 #: Share in the first proposal, beside the wide component, of one around the mode, and its covariance over that at the
-#: mode: a second mode (small scatter, large doubt) lies a few standard deviations off. For a viscous law on three
+#: mode: a second mode (small scatter, large discrepancy) lies a few standard deviations off. For a viscous law on three
 #: resonances the ln evidence was .035 short without it and is .009 short with it (by 1.5 million draws).
 FAR_SHARE = 0.4
 FAR = 9.0

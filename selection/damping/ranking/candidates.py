@@ -146,7 +146,7 @@ class Coefficient:
 
 
 def tabulate_coefficients(coordinates: Coordinates, x: FloatArray) -> tuple[Coefficient, ...]:
-    """Posterior median, standard deviation and interval of every parameter except doubt and scatters, of draws x."""
+    """Posterior median, standard deviation and interval of each parameter but discrepancy and scatters, of draws x."""
     tail, values = 50.0 * (1.0 - INTERVAL), coordinates.force_parameters(x)
     drawn = np.array([*values.values()])
     quantiles = np.percentile(drawn, [tail, 50.0, 100.0 - tail], axis=1)

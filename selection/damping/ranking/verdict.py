@@ -123,7 +123,7 @@ def _size_probability(fit: BestFit, data: Observations, seed: int) -> float:
         rough = np.minimum(roughness**2 * differences / rng.chisquare(differences, DRAWS), ROUGHEST**2)
         variance = np.maximum(variance, rough[:, None])
     fits = [fit, _fit_under(variance, fit, data)] if data.states_uncertainty else [fit]
-    return max(float(np.mean(chdtrc(_count_freedom(f), _measure_discrepancy(f, data, variance, level)))) for f in fits)
+    return max(float(np.mean(chdtrc(_count_freedom(f), _measure_misfit(f, data, variance, level)))) for f in fits)
 
 
 def _fit_under(variance: FloatArray, fit: BestFit, data: Observations) -> BestFit:
@@ -140,15 +140,15 @@ def _count_freedom(fit: BestFit) -> int:
     return max(len(fit.n) - fit.parameters, 1)
 
 
-def _measure_discrepancy(fit: BestFit, data: Observations, variance: FloatArray, level: Floats) -> FloatArray:
+def _measure_misfit(fit: BestFit, data: Observations, variance: FloatArray, level: Floats) -> FloatArray:
     """n^T V^-1 n (..) from the ``variance`` of rows (.., rows) and the scatter of levels (..)."""
     n, h, _ = residuals(fit.force, data)
-    discrepancy = np.sum(n**2 / variance, axis=-1)
+    misfit = np.sum(n**2 / variance, axis=-1)
     for rows in data.runs if data.has_repeats and len(data.sweeps) > 1 else ():
         hh = np.sum(h[rows] ** 2 / variance[..., rows], axis=-1)
         hn = np.sum(h[rows] * n[rows] / variance[..., rows], axis=-1)
-        discrepancy = discrepancy - level**2 * hn**2 / (1.0 + level**2 * hh)
-    return np.asarray(discrepancy)
+        misfit = misfit - level**2 * hn**2 / (1.0 + level**2 * hh)
+    return np.asarray(misfit)
 
 
 #: Rows per independent row where laws are compared: neighbours of correlation .6 are worth a quarter.
@@ -171,7 +171,7 @@ def _measure_along_sweeps(fit: BestFit, data: Observations) -> float:
     """Mean square residual of a law along sweeps, with free gains of levels; at least the noise of careful tests."""
     known = residuals(fit.force, data)[2]
     variance = np.where(known > 0.0, known / max(float(np.mean(known)), 1e-300), 1.0)
-    misfit = float(_measure_discrepancy(fit, data, variance, FREE)) / _count_freedom(fit)
+    misfit = float(_measure_misfit(fit, data, variance, FREE)) / _count_freedom(fit)
     return max(misfit, float(np.mean(known)), NOISE_RANGE[0] ** 2)
 
 

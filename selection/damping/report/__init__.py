@@ -170,7 +170,7 @@ def format_signed(value: SupportsFloat) -> str:
 SCATTERS = {
     "scatter": "scatter of a row",
     "level_scatter": "scatter of a level",
-    "doubt": "straying of the local exponent",
+    "discrepancy": "discrepancy of the local exponent",
 }
 
 

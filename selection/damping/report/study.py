@@ -13,7 +13,7 @@ from damping import report as words
 from damping.extrapolation.draws import AVERAGE_DRAWS
 from damping.forces import CATALOGUE, component, shapes
 from damping.infer.chains import Settings
-from damping.infer.doubt import DOUBT_LOG_SD, DOUBT_MEDIAN, LENGTH, SLOPES
+from damping.infer.discrepancy import DISCREPANCY_LOG_SD, DISCREPANCY_MEDIAN, LENGTH, SLOPES
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN, TOTAL_LOG_SD
 from damping.ranking.candidates import INTERVAL
 from damping.report import forms, page, tables
@@ -171,7 +171,7 @@ def _build_method(study: StudyResult) -> list[Block]:
         "run": Settings(),
         "total_sd": TOTAL_LOG_SD,
         "scatter": (SCATTER_MEDIAN, SCATTER_LOG_SD),
-        "doubt": (DOUBT_MEDIAN, DOUBT_LOG_SD, LENGTH),
+        "discrepancy": (DISCREPANCY_MEDIAN, DISCREPANCY_LOG_SD, LENGTH),
         "slopes": SLOPES,
         "draws": AVERAGE_DRAWS // 1000,
         "content": 100 * INTERVAL,

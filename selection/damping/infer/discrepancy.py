@@ -1,25 +1,25 @@
-"""Model discrepancy: no law of a few terms is exact, and the local exponent strays from it as a random process.
+"""Model discrepancy: no law of a few terms is exact; the local exponent departs from it as a random process.
 
 With z = ln F, a law's resonant amplitude has the slope q(z) = d ln A/d ln F = 1/p, the inverse of the local exponent
 p = d ln F/d ln A. The structure's slope is q + delta, where delta is an Ornstein-Uhlenbeck process of standard
-deviation ``sigma`` and correlation length ``LENGTH`` in z, so that the amplitude strays by
+deviation ``sigma`` and correlation length ``LENGTH`` in z, so that ln A departs by
 
     g(z) = int_(z_0)^z delta dz,      cov(g(z), g(z')) = sigma^2 (h(z - z_0) + h(z' - z_0) - h(z - z')),
     h(u) = L^2 (exp(-|u|/L) - 1 + |u|/L).
 
-A law strays in proportion to its nonlinearity: sigma is a parameter times :func:`nonlinearity`. An amplitude that is
-proportional to force over a test seldom ceases to be.
+sigma is a parameter times :func:`nonlinearity`: an amplitude that is proportional to force over a test seldom ceases to
+be.
 
-Within the test the straying enters the covariance of the levels, so that laws are weighed and fitted with it. Levels of
-a decay are judged by ln F at their amplitude, which moves by p g: not at all under constant friction. Beyond
+Within the test the discrepancy enters the covariance of the levels, so that laws are weighed and fitted with it.
+Levels of a decay are judged by ln F at their amplitude, which moves by p g: not at all under constant friction. Beyond
 the test, paths are drawn given the residuals of the levels, and the slope q + delta is held within ``SLOPES``.
 
 Amplitudes alone do not tell whether damping will stop growing; the resonance does. A joint that slips loses stiffness
 as it dissipates: in partial slip C/A is 0.1 to 0.7 of its fall of S/A (a Masing loop of backbone k q - c q^n,
 (n - 1) Gamma(n + 1)/(n sqrt(pi) Gamma(n + 1/2)); Rayleigh's 4/(3 pi) for n = 2). A damper, even one that saturates,
 does not change the frequency. So the fall of M omega^2 over the loss F/A tells how probable a joint is, and how near to
-full slip; by both, :func:`extend` widens or narrows the straying. Where all levels have one frequency, a nonlinear law
-may be that of a joint.
+full slip; by both, :func:`extend` widens or narrows the discrepancy. Where all levels have one frequency, a nonlinear
+law may be that of a joint.
 """
 
 from collections.abc import Callable
@@ -33,15 +33,15 @@ from damping.arrays import FloatArray
 
 _MOST_COVARIANCES = 250_000  #: of draws whose levels are followed together, 2 MB: they stay in a processor's cache
 LENGTH = 1.5  #: correlation length of the slope in ln F: about a factor of four in force
-#: Prior of the straying slope per unit of nonlinearity: median and log standard deviation, so that 5 % lie below 0.0035
+#: Prior of sigma per unit of nonlinearity: median and log standard deviation, so that 5 % lie below 0.0035
 #: and 5 % above 0.5. Tested on structures of the kinds of ``damping calibrate``, in and out of the library.
-DOUBT_MEDIAN = 0.04
-DOUBT_LOG_SD = 1.5
+DISCREPANCY_MEDIAN = 0.04
+DISCREPANCY_LOG_SD = 1.5
 LINEAR = 0.04  #: nonlinearity |q - 1| of a law that seems linear: over a narrow test many are
 #: Nonlinearity of damping that grows slower than amplitude (q > 1), over that of damping that grows faster: friction
 #: and slip tend to linear damping, while growing damping may stop growing or grow faster still. Tested as above.
 SLOWER = 0.3
-STEEPER = 2.5  #: factor on upward straying beyond the test: joints let go sooner than they take hold
+STEEPER = 2.5  #: factor on upward discrepancy beyond the test: joints let go sooner than they take hold
 #: Prior probability of a joint, without the frequency: its share of the kinds of ``damping calibrate``.
 JOINTS = 1.0 / 3.0
 LIKELY = 0.5  #: probability of a joint from which a slipping joint is reported
@@ -54,11 +54,11 @@ OTHER_FALLS = np.array([0.03, 0.3, 3.0, 30.0])
 OTHER_SHARES = np.array([0.7, 0.1, 0.1, 0.1])
 #: Prior median of the relative scatter of a measured resonance frequency, with the weight of one level.
 FREQUENCY_SCATTER = 3e-4
-#: Factor by which upward straying is smaller where a joint is excluded: above 1.4 a damper that saturates exceeds the
-#: band in a fifth of trials.
+#: Factor by which upward discrepancy is smaller where a joint is excluded: above 1.4 a damper that saturates exceeds
+#: the band in a fifth of trials.
 WITHOUT_JOINT = 1.3
 #: Least standard deviation of ln slope, far beyond the test, for a joint about to slip fully, times posterior over
-#: prior probability of a joint less 1. Straying is widened where the levels give less.
+#: prior probability of a joint less 1. The discrepancy is widened where the levels give less.
 LETS_GO = 0.45
 #: Range of fall over loss of such a joint. Below it slip has only begun and the deviation is smaller in proportion;
 #: above it most of the joint slips already. From the slopes of joints of ``damping calibrate`` from one to four times
@@ -112,7 +112,7 @@ def place_steps(farthest: float) -> FloatArray:
     return np.asarray(FIRST_STEP * (STEP_GROWTH ** np.arange(np.ceil(number) + 1.0) - 1.0) / (STEP_GROWTH - 1.0))
 
 
-def stray_covariance(z: FloatArray, other: FloatArray, origin: float) -> FloatArray:
+def discrepancy_covariance(z: FloatArray, other: FloatArray, origin: float) -> FloatArray:
     """cov(g(z), g(other)) for sigma = 1, (z, other)."""
 
     def h(u: FloatArray) -> FloatArray:
@@ -122,7 +122,7 @@ def stray_covariance(z: FloatArray, other: FloatArray, origin: float) -> FloatAr
     return np.asarray(h(z - origin)[:, None] + h(other - origin)[None, :] - h(z[:, None] - other[None, :]))
 
 
-def stray(
+def draw_discrepancy(
     sigma: FloatArray,
     residual: FloatArray,
     noise: Callable[[slice], FloatArray],
@@ -181,11 +181,14 @@ class _Followed(NamedTuple):
 
 @lru_cache(maxsize=16)  # shared by all laws on a record
 def _follow_levels(at: tuple[float, ...], within: tuple[float, ...], beyond: tuple[float, ...]) -> _Followed:
-    """How g follows the levels; arguments as in `stray`."""
+    """How g follows the levels; arguments as in `draw_discrepancy`."""
     levels, places, origin = np.array(at), np.array([*within, *beyond]), float(np.mean(at))
-    of_levels, to_levels = stray_covariance(levels, levels, origin), stray_covariance(places, levels, origin)
+    of_levels, to_levels = (
+        discrepancy_covariance(levels, levels, origin),
+        discrepancy_covariance(places, levels, origin),
+    )
     mean = to_levels @ np.linalg.pinv(of_levels, rcond=_ROUNDING, hermitian=True)
-    rest = stray_covariance(places, places, origin) - mean @ to_levels.T
+    rest = discrepancy_covariance(places, places, origin) - mean @ to_levels.T
     variance, directions = np.linalg.eigh(of_levels)
     directions *= np.copysign(1.0, directions[-1])  # a sign that does not depend on rounding
     outer = rest[len(within) :, len(within) :] + _ROUNDING * np.eye(len(beyond))
@@ -195,7 +198,7 @@ def _follow_levels(at: tuple[float, ...], within: tuple[float, ...], beyond: tup
 
 
 def nonlinearity(p: FloatArray) -> FloatArray:
-    """Nonlinearity (...) of a law, from exponents at both ends of the test (..., 2): straying is proportional to it.
+    """Nonlinearity (...) of a law, from exponents at both ends of the test (..., 2): sigma is proportional to it.
 
     ``LINEAR`` plus the mean of 1 - q, or of ``SLOWER`` (q - 1) where q > 1.
     """
@@ -237,14 +240,14 @@ def find_joint(
 
 def extend(
     log_A: FloatArray,
-    strays: FloatArray,
+    discrepancy: FloatArray,
     z: FloatArray,
     joint: JointEvidence,
     *,
     lets_go: bool = True,
     of_decay: bool = False,
 ) -> FloatArray:
-    """ln A (draws, places) beyond the test, from a law's ln A and straying g: slopes q exp(delta/q) within ``SLOPES``.
+    """ln A (draws, places) beyond the test, from a law's ln A and g: slopes q exp(delta/q) within ``SLOPES``.
 
     To first order q + delta, or q + ``STEEPER`` delta where delta > 0: an amplitude never falls with force, and may
     grow far where damping stops growing. NaN counts as steep. ``lets_go``: whether a joint may slip fully.
@@ -256,7 +259,7 @@ def extend(
         q = np.clip(
             np.nan_to_num(np.diff(log_A, axis=1) / step, nan=np.inf), SLOPES[0], OF_FRICTION if of_decay else SLOPES[1]
         )
-    delta = np.diff(strays, axis=1) / step
+    delta = np.diff(discrepancy, axis=1) / step
     grown = np.where(delta > 0.0, STEEPER * WITHOUT_JOINT ** min(lean, 0.0), 1.0) * delta / q
     if lets_go:
         near = np.interp(joint.fall, [0.0, *FALLS_AT_GO], [0.0, 1.0, 1.0]) / max(joint.fall / FALLS_AT_GO[1], 1.0)
@@ -270,7 +273,7 @@ def extend(
         grown *= np.where(grown > 0.0, np.hypot(1.0, fails), 1.0)
     # slopes end at ``SLOPES``, or at the law's slope; 10 only prevents overflow
     slope = np.clip(q * np.exp(np.minimum(grown, 10.0)), SLOPES[0], np.maximum(q, SLOPES[1]))
-    start = log_A[:, :1] + strays[:, :1]
+    start = log_A[:, :1] + discrepancy[:, :1]
     return np.concatenate([start, start + np.cumsum(slope * step, axis=1)], axis=1)
 
 

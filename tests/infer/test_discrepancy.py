@@ -1,4 +1,4 @@
-"""The straying of a law's exponent: closed forms against quadrature and dense algebra."""
+"""The discrepancy of a law's exponent: closed forms against quadrature and dense algebra."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from scipy.special import gamma
 from scipy.stats import multivariate_normal, norm
 
 from damping.forces.joints import Slip
-from damping.infer.doubt import (
+from damping.infer.discrepancy import (
     BENT,
     FREQUENCY_SCATTER,
     JOINT_FALL,
@@ -25,13 +25,13 @@ from damping.infer.doubt import (
     UNTOLD,
     WITHOUT_JOINT,
     JointEvidence,
+    discrepancy_covariance,
+    draw_discrepancy,
     extend,
     find_joint,
     nonlinearity,
     place_steps,
     read_path,
-    stray,
-    stray_covariance,
 )
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import DRIFT_LENGTH, level_covariance, log_likelihood, residuals, scatter_covariance
@@ -42,7 +42,7 @@ from damping_validation.truths import sweeps as simulated_sweeps
 @pytest.mark.parametrize(("a", "b"), [(0.7, 1.9), (-0.4, 1.1), (-1.0, -0.2)])
 def test_covariance_is_the_double_integral(a, b):
     exact = dblquad(lambda u, v: np.exp(-abs(u - v) / LENGTH), 0.0, a, 0.0, b)[0]
-    found = stray_covariance(np.array([a]) + 0.3, np.array([b]) + 0.3, 0.3)[0, 0]
+    found = discrepancy_covariance(np.array([a]) + 0.3, np.array([b]) + 0.3, 0.3)[0, 0]
     np.testing.assert_allclose(found, exact, rtol=1e-6)  # the kink at u = v limits the quadrature
 
 
@@ -51,10 +51,10 @@ def test_draws_given_the_levels_are_those_of_the_normal_law():
     at, within, beyond, n = np.array([-0.7, 0.0, 0.7]), np.array([0.3, 0.7]), np.array([1.2, 2.1]), 40_000
     left, variance = np.array([0.02, -0.01, 0.05]), np.array([1e-4, 4e-4, 1e-4])
     noise, grid = np.ones((n, 1, 1)) * np.diag(variance), np.concatenate([within, beyond])
-    mean, drawn = stray(
+    mean, drawn = draw_discrepancy(
         np.full(n, 0.2), np.ones((n, 1)) * left, noise.__getitem__, at, within, beyond, np.random.default_rng(0)
     )
-    K = 0.04 * stray_covariance(np.append(at, grid), np.append(at, grid), 0.0)
+    K = 0.04 * discrepancy_covariance(np.append(at, grid), np.append(at, grid), 0.0)
     gain = K[3:, :3] @ np.linalg.inv(K[:3, :3] + np.diag(variance))
     exact = K[3:, 3:] - gain @ K[:3, 3:]
     np.testing.assert_allclose(mean[0], gain @ left, rtol=1e-9)
@@ -71,7 +71,9 @@ def test_paths_do_not_depend_on_how_far_they_are_followed():
     sigma, left, noise = np.full(500, 0.1), np.zeros((500, 4)), np.tile(1e-4 * np.eye(4), (500, 1, 1))
 
     def draw(within, number):
-        return stray(sigma, left, noise.__getitem__, at, np.log(within), steps[:number], np.random.default_rng(3))[1]
+        return draw_discrepancy(
+            sigma, left, noise.__getitem__, at, np.log(within), steps[:number], np.random.default_rng(3)
+        )[1]
 
     near, far = draw([1.2, 1.5], 2), draw([1.2, 1.3, 1.5, 1.8], 9)
     np.testing.assert_allclose(near, far[:, [0, 2, 4, 5]], atol=1e-12)  # of the order of .1
@@ -97,13 +99,13 @@ def test_between_two_steps_a_path_rises_as_the_law_does():
 
 def test_slopes_stay_within_what_damping_can_do():
     z = np.linspace(0.0, 1.4, 8)
-    strays = np.random.default_rng(1).standard_normal((200, 8)).cumsum(axis=1)
-    slope = np.diff(extend(np.tile(0.7 * z, (200, 1)), strays, z, JointEvidence()), axis=1) / np.diff(z)
+    paths = np.random.default_rng(1).standard_normal((200, 8)).cumsum(axis=1)
+    slope = np.diff(extend(np.tile(0.7 * z, (200, 1)), paths, z, JointEvidence()), axis=1) / np.diff(z)
     assert slope.min() >= SLOPES[0] - 1e-12
     assert slope.max() <= SLOPES[1] + 1e-12
-    # small strays add to the law's slope, upward ones by their factor
-    for stray_slope, added in ((-1e-5, -1e-5), (1e-5, STEEPER * 1e-5)):
-        found = extend(0.7 * z[None], stray_slope * z[None], z, JointEvidence(), lets_go=False)
+    # small discrepancies add to the law's slope, upward ones by their factor
+    for slope_off, added in ((-1e-5, -1e-5), (1e-5, STEEPER * 1e-5)):
+        found = extend(0.7 * z[None], slope_off * z[None], z, JointEvidence(), lets_go=False)
         np.testing.assert_allclose(found, (0.7 + added) * z[None], rtol=1e-8)
 
 
@@ -113,7 +115,7 @@ def test_a_law_without_resonance_counts_as_steep():
     np.testing.assert_allclose(found, SLOPES[1] * z[None], rtol=1e-12)
 
 
-def test_a_law_strays_in_proportion_to_its_nonlinearity():
+def test_the_discrepancy_of_a_law_is_in_proportion_to_its_nonlinearity():
     found = nonlinearity(np.array([[1.0, 1.0], [2.0, 2.0], [0.5, 0.5], [1.0, 2.0], [np.nan, 1.0]]))
     limit = 0.5 * (1.0 - SLOPES[0])  # a law without a force below a limit counts as steepest there
     np.testing.assert_allclose(found - LINEAR, [0.0, 0.5, SLOWER, 0.25, limit], rtol=1e-12)
@@ -152,23 +154,23 @@ def test_probability_of_a_joint_is_the_ratio_of_integrals():
     assert find_joint(A, F, np.full(2, 10.0), mass, 0.0) == JointEvidence(JOINTS, 0.0, informative=False)
 
 
-def test_a_joint_strays_farther_and_a_damper_less_far_upwards():
+def test_the_discrepancy_of_a_joint_is_larger_and_that_of_a_damper_smaller_upwards():
     z = np.array([0.0, 1.0, 2.0])
     far = LETS_GO * (1.0 / JOINTS - 1.0) * (1.0 - np.exp(-1.0 / LENGTH))  # what is left to a joint that is certain
     certain = [(fall, 1.0, share * far) for fall, share in ((-1.0, 0.0), (0.1, 0.2), (0.7, 1.0), (4.0, 0.25))]
     untold = UNTOLD * (1.0 - 0.7) / BENT * (1.0 - np.exp(-1.0 / LENGTH))  # no resonance tells
     for fall, up, least in (*certain, (np.nan, 1.0, untold), (0.0, 1.0 / WITHOUT_JOINT, 0.0)):
         joint = JointEvidence(float(up == 1.0), fall, informative=True) if np.isfinite(fall) else JointEvidence()
-        for stray_slope, factor in ((1e-5, STEEPER * up), (-1e-5, 1.0)):
-            near, beyond = np.log(np.diff(extend(0.7 * z[None], stray_slope * z[None], z, joint)[0]) / 0.7)
-            own = factor * stray_slope / 0.7
+        for slope_off, factor in ((1e-5, STEEPER * up), (-1e-5, 1.0)):
+            near, beyond = np.log(np.diff(extend(0.7 * z[None], slope_off * z[None], z, joint)[0]) / 0.7)
+            own = factor * slope_off / 0.7
             np.testing.assert_allclose(near, own, rtol=1e-3)  # second order: 1e-5 of it
             np.testing.assert_allclose(beyond, np.copysign(np.hypot(own, least), own), rtol=1e-3)
 
 
-def test_damping_in_proportion_to_amplitude_strays_as_far_whether_a_resonance_tells_or_not():
-    z, strays = np.array([[0.0, 1.0, 2.0]]), np.array([[0.0, 0.1, 0.3]])
-    told, untold = (extend(z, strays, z[0], joint) for joint in (JointEvidence(informative=True), JointEvidence()))
+def test_damping_in_proportion_to_amplitude_departs_as_far_whether_a_resonance_tells_or_not():
+    z, paths = np.array([[0.0, 1.0, 2.0]]), np.array([[0.0, 0.1, 0.3]])
+    told, untold = (extend(z, paths, z[0], joint) for joint in (JointEvidence(informative=True), JointEvidence()))
     np.testing.assert_allclose(untold, told, rtol=1e-14)  # q = 1
 
 
@@ -185,13 +187,13 @@ def test_levels_of_a_decay_drift_together(peaks):
 
 
 def test_likelihood_is_the_dense_normal_one():
-    """Rows, levels and straying in one covariance matrix, written out."""
+    """Rows, levels and discrepancy in one covariance matrix, written out."""
     rng = np.random.default_rng(4)
     data = simulated_sweeps(draw_truth("saturating", rng).amplitude, np.array([0.6, 1.0, 1.7]), 0.02, 0.01, rng)
     c = Coordinates.of(Law(("viscous", "velocity-squared")), data)
     x = 0.3 * rng.standard_normal((3, c.dimension))
     n, h, known = residuals(c.force(x), data)
-    shared = level_covariance(x, c, data, c.stray(x))
+    shared = level_covariance(x, c, data, c.discrepancy_of_levels(x))
     for i, value in enumerate(log_likelihood(x, c, data)):
         H = np.eye(3)[data.sweep] * h[i][:, None]
         covariance = np.diag(c.scatter(x)[0][i] ** 2 + known[i]) + H @ shared[i] @ H.T
