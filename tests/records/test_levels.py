@@ -11,7 +11,7 @@ from audit_cases import Bench, clean, measured, record_of
 
 import damping as dp
 from damping.records import audit
-from damping.records.check_levels import DEEP, FALLEN, FALLING, FORCE_STEP, _find_fall
+from damping.records.check_levels import DEEP_FALL, FALLEN, FALLING, FORCE_STEP, _find_fall
 
 FORCES = {"L1": 0.5, "L2": 1.5, "L3": 3.0, "L4": 4.5}
 #: Friction as well as viscous damping: resonant amplitudes grow faster than the force.
@@ -144,7 +144,9 @@ def test_a_mode_file_of_another_structure_is_doubted_by_frequency_and_mass(frequ
     """A mass alone may be of a gain; a frequency that no level moves towards is of no joint, with a mass or without."""
     mode = dp.Mode(name="m", frequency=frequency, mass=mass, damping=MODE.damping)
     found = audit(record_of(sweeps(phase=phase)), mode).findings
-    assert [(one.check, one.verdict) for one in found] == [("beyond-model", "caution")] * (frequency != 18.0)
+    assert [(finding.check, finding.verdict) for finding in found] == [("beyond-model", "caution")] * (
+        frequency != 18.0
+    )
     both &= phase  # without phases a mass is known to a factor only
     for one in found:
         assert f"resonance at 18 Hz, {frequency:g} Hz" in one.what
@@ -203,7 +205,7 @@ def test_a_frequency_that_no_level_nears_or_moves_towards_is_doubted(frequency, 
 
     def doubt(**known):
         found = audit(record_of(peaks), dp.Mode(name="m", frequency=frequency, mass=250.0, **known)).findings
-        return [(one.check, one.verdict) for one in found]
+        return [(finding.check, finding.verdict) for finding in found]
 
     assert doubt() == [("beyond-model", "caution")] * named
     assert doubt(tolerance={"frequency": 0.1 / 5.0}) == []  # which five times reach 8 Hz
@@ -226,7 +228,7 @@ def test_the_deepest_fall_is_that_of_all_pairs(seed):
     deepest = min(falls, key=lambda pair: A[pair[1]] / A[pair[0]], default=None)
     odd = {"a"} if seed % 2 else set()
     enough = len(falls) >= FALLING * len(pairs) or any("abcdefghi"[k] in odd for pair in falls for k in pair)
-    deep = bool(falls) and A[deepest[1]] < DEEP * A[deepest[0]]
+    deep = bool(falls) and A[deepest[1]] < DEEP_FALL * A[deepest[0]]
     assert _find_fall(table, odd) == (deepest if enough or deep else None, bool(falls) and enough)
 
 
@@ -251,4 +253,19 @@ def test_amplitudes_of_neighbouring_levels_exchanged_are_doubted(k):
     assert not audit(dp.Record(table)).findings
     A[[k, k + 1]] = A[[k + 1, k]]
     found = audit(dp.Record(table.assign(amplitude=A))).findings
-    assert [(one.check, one.verdict) for one in found] in ([("amplitude-falls", "caution")], [("outlier", "caution")])
+    assert [(finding.check, finding.verdict) for finding in found] in (
+        [("amplitude-falls", "caution")],
+        [("outlier", "caution")],
+    )
+
+
+def test_two_exchanged_dwells_do_not_excuse_a_level_three_times_too_large():
+    """A fall that is only doubted leaves the refusal of another level's gain as it is."""
+    table = sweeps()
+    lowest = table.loc[table["sweep"] == "L1", "amplitude"].max()
+    table.loc[table["sweep"] == "L4", "amplitude"] *= 3.0
+    dwells = pd.DataFrame({"sweep": ["D1", "D2"], "force": [0.15, 0.25], "frequency": 18.0, "phase": np.pi / 2.0})
+    dwells["amplitude"] = lowest * np.array([0.6, 0.3])
+    (found,) = audit(record_of(pd.concat([dwells, table], ignore_index=True)), MODE).findings
+    assert (found.verdict, found.sweeps) == ("refuse", ("L4",))
+    assert "its readings are 3 times too large" in found.what

@@ -64,7 +64,7 @@ def describe_rig(fit: ModelFit) -> list[str]:
         cautions.append(
             f"a damper of {100.0 * added:.2g} % of the simulated viscous coefficient that acts in this test alone (a "
             "shaker's armature, a stinger, a suspension, cables) has the same effect as this viscous coefficient, "
-            "unless its force was measured: check it before the simulation is changed"
+            "unless a force cell at the structure excludes it: check it before the simulation is changed"
         )
     relative = values.get("natural-frequency", {}).get("relative", 0.0)
     if relative and problem.simulation.simulator is None and not np.any(problem.rows.added):

@@ -76,21 +76,27 @@ def weigh_outside(search: Search, leading: Hypothesis) -> tuple[tuple[Rival, ...
 
     Also the explanations by ``IMITATIONS`` that the record does not exclude.
     """
-    foreign, blamed = fit_foreign(search, leading), _list_structural(leading)
+    foreign = fit_foreign(search, leading)
     least = foreign[0].log_posterior + np.log(LEAST_ODDS) if foreign else np.inf  # else another cause excludes it
-    of_rig = [other for other in foreign if other.log_posterior > least and _list_structural(other) < blamed][:1]
-    others = [other for other in foreign[:1] if other.key not in {own.key for own in of_rig}]
-    rivals = [_compare(other, leading, of_rig=own) for own, some in ((True, of_rig), (False, others)) for other in some]
+    of_rig = [other for other in foreign if other.log_posterior > least and _spares_structure(other, leading)][:1]
+    told = {other.key: other for other in (*of_rig, *foreign[:1])}
+    rivals = [_compare(other, leading) for other in told.values()]
     near = [other for other in foreign if other.log_posterior > leading.log_posterior - EXCLUDED]
     imitations = tuple(other for other in near if other.key & IMITATIONS)
     return (*rivals, *_weigh_quantities(search, leading)), imitations
 
 
-def _compare(other: Hypothesis, leading: Hypothesis, *, of_rig: bool) -> Rival:
+def _compare(other: Hypothesis, leading: Hypothesis) -> Rival:
     cause = " with ".join(_describe(other, name) for name in other.effects if name in FOREIGN)
     beside = " and ".join(name for name in other.effects if name not in FOREIGN)
     log_odds, apart = other.log_posterior - leading.log_posterior, distance(leading.best, other.best)
-    return Rival(f"{cause} beside {beside}" if beside else cause, log_odds, apart, of_rig)
+    cause = f"{cause} beside {beside}" if beside else cause
+    return Rival(cause, log_odds, apart, _spares_structure(other, leading))
+
+
+def _spares_structure(other: Hypothesis, leading: Hypothesis) -> bool:
+    """Whether an explanation blames a part of what the leading one blames of the structure, and nothing else of it."""
+    return _list_structural(other) < _list_structural(leading)
 
 
 def _list_structural(hypothesis: Hypothesis) -> set[str]:

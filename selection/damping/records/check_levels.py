@@ -15,7 +15,9 @@ from damping.records.view import SURE, Finding, Leg, View, name_sweeps, take_med
 FORCE_STEP = 1.1  #: levels are compared if their forces differ by this factor
 FALLEN = 0.87  #: a resonant amplitude falls if it is below this share of that at a lower force
 FALLING = 0.3  #: share of falling pairs of levels needed if no mass shows which level is wrong
-DEEP = 0.75  #: share below which a single pair is doubted: readings that scatter by 5 % fall so far once in 10^5 pairs
+#: Share of the amplitude at a lower force below which even a single pair of levels is doubted. Where amplitudes scatter
+#: by 5 % and do not grow with force, chance brings one pair in 40 000 so far apart.
+DEEP_FALL = 0.75
 #: An amplitude of one level off by this factor hides any law; the diagnosis names smaller errors.
 HOPELESS = 2.0
 #: Largest phase offset, rad, against other levels at which an odd mass may come from a gain, which turns no phase.
@@ -60,7 +62,7 @@ def check_levels(view: View) -> Finding | None:
     reports += [_report_odd_masses(odd)] if odd else []
     what, advice = "; ".join(what for what, _ in reports), reports[-1][1]
     sweeps = tuple(level.sweep for level in odd) or tuple(table["sweep"].iloc[sorted(pair or ())])
-    hopeless = certain if pair else max(abs(log(level.factor)) for level in odd) > log(HOPELESS)
+    hopeless = certain or max((abs(log(level.factor)) for level in odd), default=0.0) > log(HOPELESS)
     check = "amplitude-falls" if pair is not None else "level-offset"
     return Finding(check, "refuse" if hopeless else "caution", what, advice, sweeps)
 
@@ -68,7 +70,7 @@ def check_levels(view: View) -> Finding | None:
 def _find_fall(table: pd.DataFrame, odd: set[str]) -> tuple[tuple[int, int] | None, bool]:
     """Positions of the two levels, lower force first, between which the amplitude falls most, and whether enough fall.
 
-    One pair is enough if one of its levels is ``odd``. None if too few fall and no fall is ``DEEP``.
+    One pair is enough if one of its levels is ``odd``. None if too few fall and no fall is as deep as ``DEEP_FALL``.
     """
     F, A = table["force"].to_numpy(), table["amplitude"].to_numpy()
     is_odd = table["sweep"].isin(odd).to_numpy()
@@ -82,7 +84,7 @@ def _find_fall(table: pd.DataFrame, odd: set[str]) -> tuple[tuple[int, int] | No
             j = int(lower[np.argmin(A[lower])])
             deepest = min(deepest, (float(A[j] / A[i]), i, j))
     certain = bool(falling) and (explained or falling >= FALLING * pairs)
-    return (deepest[1:] if certain or deepest[0] < DEEP else None), certain
+    return (deepest[1:] if certain or deepest[0] < DEEP_FALL else None), certain
 
 
 def _report_fall(view: View, table: pd.DataFrame, i: int, j: int) -> tuple[str, str]:
@@ -214,10 +216,10 @@ def check_beyond_model(view: View) -> Finding | None:
     if simulated and zeta > 0.0 and len(view.mode.damping) == 1 and abs(log(zeta / simulated)) > log(FAR_DAMPING):
         name = name_unit(zeta / simulated, view.mode.units, within=NEAR_NAMED)
         differences.append(
-            f"a damping ratio of {zeta:.3g}, {simulated:.3g} in the mode file" + f" ({name}?)" * bool(name)
+            f"a damping ratio of {zeta:.3g}, {simulated:.3g} in the mode file{f' ({name}?)' if name else ''}"
         )
     elif not simulated and (unusual := describe_unusual_ratio(view, zeta)):
-        name = f" ({name_unit(zeta / 0.01, view.mode.units)}?)" * (zeta < SMALL_RATIO)
+        name = f" ({name_unit(zeta / 0.01, view.mode.units)}?)" if zeta < SMALL_RATIO else ""
         differences.append(f"a damping ratio of {zeta:.3g}, {unusual} than assembled structures have{name}")
         advice = "check the units of force and response, that their columns are not exchanged, and the mass"
     if not differences:
