@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from html.parser import HTMLParser
 from pathlib import Path
@@ -178,7 +179,9 @@ def test_report_and_corrected_model(answered):
     assert not re.search(r"url\(\s*['\"]?https?:|@import", text)
 
 
-def test_a_folder_with_a_broken_case(damping, case, tmp_path):
+def test_a_folder_with_a_broken_case(damping, case, tmp_path, monkeypatch):
+    """In this process, where the library is limited; `test_no_case_of_a_folder_is_larger_than_may_be` starts one."""
+    monkeypatch.setattr("damping_pipelines.gap.start_pool", lambda jobs: ThreadPoolExecutor(jobs))
     cases, out = tmp_path / "cases", tmp_path / "answers"
     model, data = ((case / name).read_text() for name in ("model.toml", "data.csv"))
     texts = {

@@ -94,7 +94,9 @@ def respond(lab, rows, added, stiffness, stated=1.0):
     Z = lab.mass * lab.omega**2 - (lab.mass + added / stated) * omega**2 + 1j * lab.viscous * omega
     A = rows.force / np.abs(Z)
     for _ in range(4000):
-        A = A + 0.1 * (rows.force / np.abs(Z + stiffness(A, omega)) - A)
+        before, A = A, A + 0.1 * (rows.force / np.abs(Z + stiffness(A, omega)) - A)
+        if np.allclose(A, before, rtol=1e-15, atol=0.0):
+            break
     return omega, rows.force / (Z + stiffness(A, omega))
 
 

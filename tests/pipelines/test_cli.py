@@ -106,50 +106,55 @@ def test_help_names_every_command(damping):
         assert "..." not in run.out.split("Commands:")[1]  # no summary is cut
 
 
-def run_script(script):
-    """Run in a process of its own, which ends with the names of what it should not have loaded."""
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+#: Names what is loaded after the help, then after commands on peaks, then with what other commands print.
+LOADING = """
+import json, sys
+from damping_pipelines.cli import main
+
+def run(*arguments):
+    try: main(*arguments)
+    except SystemExit as end: assert not end.code
+    return [name for name, module in sys.modules.items() if module]
+
+loaded = [run(["--help"])]
+for sys.argv in json.loads(sys.argv[1]):
+    peaks = run()
+import damping.records, damping.gap.diagnose, damping.report.gap
+print(json.dumps([*loaded, peaks, [*sys.modules]]), file=sys.stderr)
+"""
 
 
-def test_help_loads_nothing_heavy():
-    """What makes --help instant, without a clock: no numerical package is imported for it."""
-    script = (
-        "import sys; from damping_pipelines.cli import main\n"
-        "try: main(['--help'])\n"
-        "except SystemExit: pass\n"
-        "heavy = {'numpy', 'scipy', 'pandas', 'matplotlib', 'arviz', 'emcee', 'statsmodels', 'pydantic'}\n"
-        "sys.exit(','.join(heavy & set(sys.modules)) or None)"
-    )
-    run_script(script)
-
-
-def test_what_commands_print_needs_no_figures():
-    """Checking a record and the sentences of a diagnosis load neither matplotlib nor scipy.signal: .7 and .5 s."""
-    script = (
-        "import sys, damping.records, damping.gap.diagnose, damping.report.gap\n"
-        "sys.exit(','.join({'matplotlib', 'scipy.signal', 'scipy.stats'} & set(sys.modules)) or None)"
-    )
-    run_script(script)
-
-
-def test_commands_on_peaks_load_what_they_use(saturn_data, tmp_path):
-    """Start-up is most of what they take: of scipy special functions alone, and no figures."""
+@pytest.fixture(scope="module")
+def loaded(saturn_data, tmp_path_factory):
+    """Modules after each of these steps, in one process of their own."""
+    folder = tmp_path_factory.mktemp("peaks")
     commands = [
-        [*map(str, ("damping", name, *files(saturn_data), *more, "--json", tmp_path / f"{name}.json"))]
+        [*map(str, ("damping", name, *files(saturn_data), *more, "--json", folder / f"{name}.json"))]
         for name, *more in (("rank",), ("extrapolate", "--force", "20"))
     ]
-    script = (
-        "import sys; from damping_pipelines.cli import main\n"
-        f"for sys.argv in {commands}:\n"
-        "    try: main()\n"
-        "    except SystemExit as end: assert not end.code\n"
-        "heavy = {'matplotlib', 'arviz', 'emcee', 'statsmodels', 'jinja2', 'damping.formats', 'pyarrow'}\n"
-        "heavy |= {f'scipy.{part}' for part in ('stats', 'optimize', 'interpolate', 'integrate', 'signal', 'sparse')}\n"
-        "sys.exit(','.join(name for name in heavy if sys.modules.get(name)) or None)"
-    )
-    run_script(script)
-    assert all((tmp_path / f"{words[1]}.json").exists() for words in commands)
+    script = [sys.executable, "-c", LOADING, json.dumps(commands)]
+    done = subprocess.run(script, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert all((folder / f"{words[1]}.json").exists() for words in commands)
+    return [set(names) for names in json.loads(done.stderr.splitlines()[-1])]
+
+
+def test_help_loads_nothing_heavy(loaded):
+    """What makes --help instant, without a clock: no numerical package is imported for it."""
+    heavy = {"numpy", "scipy", "pandas", "matplotlib", "arviz", "emcee", "statsmodels", "pydantic"}
+    assert not heavy & loaded[0]
+
+
+def test_commands_on_peaks_load_what_they_use(loaded):
+    """Start-up is most of what they take: of scipy special functions alone, and no figures."""
+    heavy = {"matplotlib", "arviz", "emcee", "statsmodels", "jinja2", "damping.formats", "pyarrow"}
+    heavy |= {f"scipy.{part}" for part in ("stats", "optimize", "interpolate", "integrate", "signal", "sparse")}
+    assert not heavy & loaded[1]
+
+
+def test_what_commands_print_needs_no_figures(loaded):
+    """Checking a record and the sentences of a diagnosis load neither matplotlib nor scipy.signal: .7 and .5 s."""
+    assert not {"matplotlib", "scipy.signal", "scipy.stats"} & loaded[2]
 
 
 @pytest.mark.parametrize("words", [("export",), ("--quiet", "export")])

@@ -103,7 +103,7 @@ def diagnosis(monkeypatch, no_layout) -> list[dict[str, object]]:
 
 
 def test_a_blind_run_seals_diagnoses_and_scores(diagnosis, tmp_path):
-    blind(tmp_path / "run", 3, QUICK_SEED, 2)
+    blind(tmp_path / "run", 3, QUICK_SEED, 1)
     (call,) = diagnosis
     assert {Path(name).name for name in call["files"]} == {"model.toml", "data.csv"}
     table = pd.read_csv(tmp_path / "run" / "table.csv").set_index("figure")
