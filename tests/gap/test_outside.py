@@ -27,7 +27,6 @@ from damping_validation.generator.refit import applied
 from damping_validation.generator.steady import true_record
 from tests.gap.limited import limited
 
-#: One group: what was integrated is shared with other files.
 pytestmark = pytest.mark.usefixtures("no_folds")
 THETA = 2.0 * np.pi * (np.arange(20_000)[:, np.newaxis] + 0.5) / 20_000
 

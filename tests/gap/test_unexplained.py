@@ -58,7 +58,7 @@ def test_a_large_gap_without_its_effect_is_unexplained(lab, name):
     assert found.gap.nominal > 2.0  # the gap is seen
 
 
-def test_rows_that_nothing_explains_are_not_taken_for_wild_points(lab):
+def test_rows_that_nothing_explains_are_not_taken_for_wild_points(lab, no_foreign):
     smaller = {name: effect for name, effect in CATALOGUE.items() if name != "stiffness-hardening"}
     found = limited(smaller, diagnose, lab.measured("stiffness-hardening", points=13), lab.mode())
     all_rows = np.sqrt(np.mean(nominal_residuals(found.leading.best) ** 2))
@@ -287,7 +287,7 @@ def test_a_record_that_fits_where_its_levels_scatter_as_one_rig_in_ten_says_so_f
     assert "taken from this very record, fits the test to its noise" in verdict
 
 
-def test_a_drive_that_slows_down_as_the_motion_grows_is_told_beside_the_spring_it_imitates(lab):
+def test_a_drive_that_slows_down_as_the_motion_grows_is_told_beside_the_spring_it_imitates(lab, no_foreign):
     """In closed form: a linear mode driven at omega (1 - s A^2), recorded as omega, A by bisection at every row."""
     rows = lab.bench().rows
     low, high = np.zeros_like(rows.omega), np.full_like(rows.omega, 2.0 * lab.A)
@@ -345,15 +345,19 @@ def test_a_force_that_falls_with_the_motion_is_no_sure_fault_of_the_sensor(lab):
     assert [set(group.effects) for group in found.groups] == [{"force-dropout", "sensor-saturation"}]
 
 
+def with_measured_force(fit):
+    """The fit on a rig that measures its force."""
+    simulation = fit.model.problem.simulation
+    measured = replace(simulation, mode=replace(simulation.mode, rig=Rig(force="measured")))
+    return replace(fit, model=replace(fit.model, problem=replace(fit.model.problem, simulation=measured)))
+
+
 def test_a_force_that_is_not_measured_may_be_what_saturates(lab):
     """A = g F/|Z| of a linear mode, whichever of the two g is of."""
     explanations = lab.diagnosed("slip").hypotheses
     fit = next(own.hypothesis.best for own in explanations if own.effects == ("sensor-saturation",))
     assert len(describe_shortfall(fit)) == 1
-    simulation = fit.model.problem.simulation
-    measured = replace(simulation, mode=replace(simulation.mode, rig=Rig(force="measured")))
-    model = replace(fit.model, problem=replace(fit.model.problem, simulation=measured))
-    assert describe_shortfall(replace(fit, model=model)) == []
+    assert describe_shortfall(with_measured_force(fit)) == []
     assert describe_shortfall(explanations[0].hypothesis.best) == []
 
 
@@ -509,7 +513,7 @@ def test_a_mass_beyond_its_tolerance_is_told_where_mass_was_added(lab):
     assert alone.leading.effects == ("amplitude-scale",)
 
 
-def test_cross_talk_in_proportion_to_the_force_is_a_background_at_any_angle(lab):
+def test_cross_talk_in_proportion_to_the_force_is_a_background_at_any_angle(lab, no_foreign):
     """In closed form: F/Z + c F exp(-i angle), of 15 % of the resonance per force, neither in phase nor against it."""
     rows, c, angle = lab.bench().rows, 0.15 / (lab.viscous * lab.omega), 1.2
     Z = lab.mass * (lab.omega**2 - rows.omega**2) + 1j * lab.viscous * rows.omega
@@ -544,7 +548,7 @@ def test_a_sensor_whose_mount_resonates_beyond_the_rows_is_told_with_its_frequen
 
 
 @pytest.mark.parametrize("carried", [0.012, -0.012])
-def test_what_loads_the_structure_in_the_test_alone_is_told_beside_a_wrong_frequency(lab, carried):
+def test_what_loads_the_structure_in_the_test_alone_is_told_beside_a_wrong_frequency(lab, no_foreign, carried):
     """In closed form: the structure carries 1.2 % of its mass more, or a spring holds it that undoes as much."""
     rows = lab.bench().rows
     cells = lab.linear(rows, omega=lab.omega / np.sqrt(1.0 + carried))
@@ -558,16 +562,16 @@ def test_what_loads_the_structure_in_the_test_alone_is_told_beside_a_wrong_frequ
     assert describe_rig(replace(fit, model=replace(fit.model, problem=problem))) == []
 
 
-def test_a_damper_of_the_rig_is_told_beside_the_viscous_coefficient_it_adds_to(lab):
+def test_a_damper_of_the_rig_is_told_beside_the_viscous_coefficient_it_adds_to(lab, no_foreign):
     """In closed form: a shaker's armature adds a quarter to the viscous coefficient; a measured force excludes it."""
-    rows, mode = lab.bench().rows, lab.mode()
-    record = lab.record(rows, lab.linear(rows, viscous=1.25 * lab.viscous), 4)
-    (caution,) = describe_rig(explain(record, mode).leading.best)
+    rows = lab.bench().rows
+    fit = explain(lab.record(rows, lab.linear(rows, viscous=1.25 * lab.viscous), 4), lab.mode()).leading.best
+    (caution,) = describe_rig(fit)
     assert "a damper of 25 % of the simulated viscous coefficient" in caution
-    assert describe_rig(explain(record, replace(mode, rig=Rig(force="measured"))).leading.best) == []
+    assert describe_rig(with_measured_force(fit)) == []
 
 
-def test_a_clock_that_drifts_is_told_beside_the_drift_it_imitates(lab):
+def test_a_clock_that_drifts_is_told_beside_the_drift_it_imitates(lab, no_foreign):
     """In closed form: recorded frequencies are true in the middle of the record, half a bandwidth off at the ends."""
     rows = lab.bench().rows
     true = replace(rows, omega=rows.omega * (1.0 - lab.xi * np.linspace(-0.5, 0.5, rows.omega.size)))
