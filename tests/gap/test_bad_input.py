@@ -192,7 +192,7 @@ def test_sweeps_that_never_reach_resonance(lab, honest):
     assert found.leading.effects == ()
 
 
-def test_damping_that_is_hardly_seen_is_not_named_with_confidence(lab):
+def test_damping_that_is_hardly_seen_is_not_named_with_confidence(lab, no_folds):
     """Twice the viscous damping, seen only beside resonance where it is 1/100 of the stiffness."""
     rows = lab.bench(levels=3, points=24, half=12.0).rows
     record = lab.record(rows, lab.linear(rows, viscous=1.5 * lab.viscous), 4)
@@ -210,7 +210,7 @@ def test_model_and_record_of_different_modes(lab, honest, ratio):
 
 
 @pytest.mark.parametrize("times", [7.0, 25.0, 50.0])
-def test_damping_far_above_the_simulated_one_moves_the_peak_and_is_no_other_mode(lab, times):
+def test_damping_far_above_the_simulated_one_moves_the_peak_and_is_no_other_mode(lab, no_folds, times):
     """50 times: the largest amplitude lies 29 % below the natural frequency (1 - 2 zeta^2 = 1/2)."""
     rows = lab.bench(levels=3, points=30, half=50.0).rows
     record = lab.record(rows, lab.linear(rows, viscous=times * lab.viscous), 4)
@@ -222,7 +222,7 @@ def test_damping_far_above_the_simulated_one_moves_the_peak_and_is_no_other_mode
 
 
 @pytest.mark.parametrize("share", [0.0, 0.2])
-def test_viscous_damping_that_is_not_simulated_is_found(lab, honest, share):
+def test_viscous_damping_that_is_not_simulated_is_found(lab, no_folds, honest, share):
     """Where nothing is simulated, or case II: that loses 2 c A^2 (Table 2.II), viscous damping pi c omega A^2."""
     damping = {"displacement": {"coefficient": share * lab.viscous * lab.omega}} if share else {}
     found, said = answer(honest(), lab.mode(damping=damping))

@@ -26,6 +26,8 @@ from damping.report.gap import describe_diagnosis
 from damping_pipelines.gap import _describe_model
 from tests.gap.limited import limited
 
+pytestmark = pytest.mark.usefixtures("no_folds")
+
 F_N = 23.7
 W_N = 2.0 * np.pi * F_N
 MASS = 12.4
