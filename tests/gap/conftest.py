@@ -146,9 +146,3 @@ def lab() -> Lab:
 def no_folds(monkeypatch: pytest.MonkeyPatch) -> None:
     """Diagnoses that hold no level out, which takes a fifth of their time: where nobody looks at it."""
     monkeypatch.setattr("damping.gap.size.hold_levels_out", lambda *_: None)
-
-
-@pytest.fixture
-def no_foreign(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Diagnoses that weigh no causes outside the library, a fifth of their time: where only the leading one counts."""
-    monkeypatch.setattr("damping.gap.outside.fit_foreign", lambda *_: [])

@@ -44,7 +44,7 @@ NAMES = sorted(set(CATALOGUE) - BEYOND)
     ("off", "damped"),
     [(1.012, 2.5), *(pytest.param(*of, marks=pytest.mark.slow) for of in ((0.988, 1.7), (1.03, 0.6)))],
 )
-def test_a_simulation_wrong_in_frequency_and_damping_is_named_so(lab, no_folds, no_foreign, off, damped):
+def test_a_simulation_wrong_in_frequency_and_damping_is_named_so(lab, no_folds, off, damped):
     """Two planes at an angle near a right one, or two other effects, stand for a mode that is elsewhere altogether."""
     rows = lab.bench().rows
     rows = replace(rows, omega=rows.omega * off)

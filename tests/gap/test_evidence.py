@@ -318,14 +318,14 @@ def sweep_with_friction(
     )
 
 
-def test_a_combination_is_tried_from_its_other_part_where_one_loses_the_motion(no_foreign):
+def test_a_combination_is_tried_from_its_other_part_where_one_loses_the_motion():
     """Resonances two half-power half-widths off: friction alone is fitted far from them, the frequency is not."""
     found = explain(*sweep_with_friction(1.02, 1.5, seed=7))
     assert found.leading.key == {"coulomb-friction", "natural-frequency"}
 
 
 @pytest.mark.slow
-def test_what_is_added_to_an_explanation_that_leaves_noise_is_not_crowded_out(no_foreign):
+def test_what_is_added_to_an_explanation_that_leaves_noise_is_not_crowded_out():
     """Frequencies read 4 % too large: with the frequency goes a mass of -8 %, which sweeps that all deviate hid."""
     found = explain(*sweep_with_friction(1.04, 0.0, seed=7))
     assert found.leading.key == {"natural-frequency", "amplitude-scale"}
@@ -337,7 +337,7 @@ def test_what_is_added_to_an_explanation_that_leaves_noise_is_not_crowded_out(no
     ("frequency", "friction"),
     [(20.0, 0.0), (20.8, 0.08), *(pytest.param(*off, marks=pytest.mark.slow) for off in ((20.8, 0.0), (19.2, 0.08)))],
 )
-def test_noise_that_is_not_stated_does_not_hang_on_how_wrong_the_simulation_is(no_foreign, frequency, friction):
+def test_noise_that_is_not_stated_does_not_hang_on_how_wrong_the_simulation_is(frequency, friction):
     """Sweeps of 13 rows: beside a resonance elsewhere the residuals of the simulation alone bend from row to row."""
     record, mode = sweep_with_friction(1.0, friction, seed=7, levels=3, points=13)
     found = explain(record, replace(mode, frequency=frequency))

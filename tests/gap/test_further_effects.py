@@ -350,7 +350,7 @@ def test_what_is_known_of_the_rig_is_not_asked(lab):
     assert set(CATALOGUE) - set(left) == {"viscous-coefficient", "natural-frequency"}
 
 
-def test_values_taken_from_the_record_do_not_hold_it(lab, no_foreign):
+def test_values_taken_from_the_record_do_not_hold_it(lab):
     """A simulation identified from the very rows, 15 % off in damping: no finding, since it claims no knowledge."""
     rows = lab.bench().rows
     record = lab.record(rows, lab.linear(rows, viscous=1.4 * lab.viscous), 3)
@@ -362,7 +362,7 @@ def test_values_taken_from_the_record_do_not_hold_it(lab, no_foreign):
 
 
 @pytest.mark.parametrize("factor", [1 / 3, 64.0])
-def test_a_damping_many_times_wrong_is_sized(lab, no_foreign, factor):
+def test_a_damping_many_times_wrong_is_sized(lab, factor):
     rows = lab.bench(levels=3, points=14).rows
     wide = replace(rows, omega=lab.omega * np.tile(np.linspace(0.5, 1.5, 14), 3))
     record = lab.record(wide, lab.linear(wide, viscous=factor * lab.viscous), 3)
@@ -385,7 +385,7 @@ def heavier(lab, added, viscous, seed=5):
     ("effect", "true"),
     [("", {}), ("level-offset", {"factor": 0.88, "state": 2.0}), ("phase-lag", {"lag": 0.12, "state": 2.0})],
 )
-def test_a_state_that_is_read_otherwise_and_files_that_differ_within_their_tolerance(lab, no_foreign, effect, true):
+def test_a_state_that_is_read_otherwise_and_files_that_differ_within_their_tolerance(lab, effect, true):
     """Three masses, one damping, which their files state 3 and 4 % apart: tolerance 5 %; a sensor mounted anew."""
     added, stated = (0.0, 2.0, 5.0), np.array([1.04, 1.0, 1.01]) * lab.viscous
     records = [heavier(lab, mass, lab.viscous, seed) for seed, mass in enumerate(added)]
@@ -427,7 +427,7 @@ def test_a_state_that_is_not_damped_as_stated_is_told(lab):
     assert any("a state whose mass, damping or frequency differs" in caution for caution in found.cautions)
 
 
-def test_states_share_what_is_wrong(lab, no_foreign):
+def test_states_share_what_is_wrong(lab):
     """A mass added is known as a column, or as a state with its own model: the same answer."""
     rows = lab.bench(levels=2, points=12).rows
     plain = lab.record(rows, lab.linear(rows, viscous=1.5 * lab.viscous), 4)

@@ -23,7 +23,7 @@ SEED = 26112611
         pytest.param("force-dropout:notch", 772, marks=pytest.mark.slow),
     ],
 )
-def test_a_mode_that_is_reached_from_one_side_only(tmp_path: Path, no_foreign: None, kind: str, number: int) -> None:
+def test_a_mode_that_is_reached_from_one_side_only(tmp_path: Path, kind: str, number: int) -> None:
     case = draw_case(kind, False, (SEED, number))
     model, data = tmp_path / "model.toml", tmp_path / "data.csv"
     model.write_text(case.model)

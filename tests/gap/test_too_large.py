@@ -66,7 +66,7 @@ def test_a_simulated_force_that_is_not_there(lab, simulated, force, effect, seed
 
 
 @pytest.mark.parametrize(("true", "relative"), [(0.4, -0.6), (1.0, None), (2.5, 1.5)])
-def test_a_simulated_friction_against_the_true_one(lab, simulated, no_foreign, true, relative):
+def test_a_simulated_friction_against_the_true_one(lab, simulated, true, relative):
     """Too large and too small are told by one number, true/simulated - 1; the right one is no effect."""
     mode, rows = simulated("coulomb"), lab.bench().rows
     whole = mode.damping["coulomb"]["coefficient"]
@@ -84,7 +84,7 @@ def test_a_simulated_friction_against_the_true_one(lab, simulated, no_foreign, t
         np.testing.assert_allclose(own["relative"], relative, rtol=0.0, atol=0.2)
 
 
-def test_friction_that_is_not_there_beside_values_from_the_record_itself(lab, simulated, no_foreign):
+def test_friction_that_is_not_there_beside_values_from_the_record_itself(lab, simulated):
     """They are free by a factor of eight; a plane was blamed for the eighth that was left of it."""
     mode, rows = simulated("coulomb"), lab.bench().rows
     mode = replace(mode, tolerance=replace(mode.tolerance, from_record=True))
