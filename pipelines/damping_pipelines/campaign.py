@@ -183,15 +183,15 @@ def _frequencies(text: str | None) -> list[float]:
 def _write_page(answer: Campaign) -> list[Section]:
     """Write the page: the answer, damping of modes against level, and the response of every sensor at all levels."""
     parts: dict[str, Block] = {
-        "modes": Table(tabulate_modes(answer), "", {"frequency, Hz": format_hertz}),
-        "limits": Table(tabulate_notches(answer), ""),
-        "outcomes": Table(tabulate_outcomes(answer), ""),
-        "files": Table(answer.summary.table, ""),
+        "modes": Table(tabulate_modes(answer), {"frequency, Hz": format_hertz}),
+        "limits": Table(tabulate_notches(answer)),
+        "outcomes": Table(tabulate_outcomes(answer)),
+        "files": Table(answer.summary.table),
     }
     for mode in answer.modes:
         parts |= _draw_levels(mode, answer.input_name, answer.unit)
-        parts[f"{mode.name} damping"] = Table(tabulate_damping(mode, answer.unit), "")
-        parts[f"{mode.name} peaks"] = Table(tabulate_peaks(mode, answer.unit), "")
+        parts[f"{mode.name} damping"] = Table(tabulate_damping(mode, answer.unit))
+        parts[f"{mode.name} peaks"] = Table(tabulate_peaks(mode, answer.unit))
     cautions = {mode.name: group_cautions(mode, answer.unit) for mode in answer.modes}
     values = vars(answer) | {
         **describe_answer(answer),
