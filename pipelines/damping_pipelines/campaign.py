@@ -11,7 +11,7 @@ import pandas as pd
 from damping.campaign import analyse
 from damping.campaign.answer import Campaign, ModeAnswer
 from damping.campaign.runs import DesignLevel, read_corrections
-from damping.campaign.values import SensorPrediction
+from damping.campaign.values import Bounds, SensorPrediction
 from damping.errors import InputError, naming
 from damping.formats.columns import find_roles, open_table
 from damping.formats.conversion import SCALINGS
@@ -151,7 +151,9 @@ def _read_predictions(path: Path) -> list[SensorPrediction]:
     band = attrgetter("median", "low", "high")
     form = read_form(CampaignForm, read_bytes(path), path, "campaign.json of a campaign")
     return [
-        SensorPrediction(mode.frequency, at.input or at.level, at.tested, peak.sensor, peak.unit, band(peak), *known)
+        SensorPrediction(
+            mode.frequency, at.input or at.level, at.tested, peak.sensor, peak.unit, Bounds(*band(peak)), *known
+        )
         for mode in form.modes
         for at in mode.at
         for known in [(at.frequency, band(at.damping_ratio) if at.damping_ratio else None, form.level_unit)]
@@ -206,8 +208,7 @@ def _write_page(answer: Campaign) -> list[Section]:
 def _draw_levels(mode: ModeAnswer, input_name: str, unit: str) -> dict[str, Block]:
     """The figure of a mode by its name; none if only one level has a result."""
     levels = pd.DataFrame(
-        {"level": at.input, "tested": at.tested, "frequency": at.frequency}
-        | dict(zip(("median", "low", "high"), at.ratio, strict=True))
+        {"level": at.input, "tested": at.tested, "frequency": at.frequency} | at.ratio._asdict()
         for at in sorted(mode.places, key=lambda at: at.input)
         if at.ratio
     )
