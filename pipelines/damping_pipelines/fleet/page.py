@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from damping.arrays import FloatArray
-from damping.plots import AVERAGE, LINEAR, MUTED, PREDICTIVE, build_panel, draw_plain_rows, law_style, styled, to_svg
+from damping.plots import AVERAGE, BESIDE, LINEAR, MUTED, PREDICTIVE, build_panel, draw_plain_rows, styled, to_svg
+from damping.plots.fits import draw_law_bars
 from damping.ranking.verdict import MISFITS
 from damping.report import (
     count,
@@ -43,10 +44,9 @@ def leading_laws(counts: pd.Series) -> Figure:
     figure, axes = build_panel(0.8 + 0.24 * len(shown), "records led")
     laws = [str(law) for law in shown.index]
     draw_plain_rows(axes, laws)
-    colours, hatches = [law_style(law).colour for law in laws], ["///" if "viscous + " in law else "" for law in laws]
-    axes.barh(range(len(laws)), shown.to_numpy(float), color=colours, hatch=hatches, edgecolor="white", linewidth=0.0)
+    draw_law_bars(axes, laws, shown, np.arange(float(len(laws))))
     for row, value in enumerate(shown):
-        axes.annotate(f"{value:d}", (float(value), row), (4, 0), textcoords="offset points", va="center", fontsize=7.5)
+        axes.annotate(f"{value:d}", (float(value), row), (4, 0), **BESIDE)
     axes.set_xlim(0.0, 1.12 * float(shown.max()))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     return figure

@@ -139,11 +139,7 @@ class Campaign:
             "level_name": self.level_name,
             "level_unit": self.unit,
             "delay": dict(zip(("seconds", "error"), self.delay, strict=True)) if self.delay else None,
-            "audit": [
-                asdict(finding) | {"sweeps": list(finding.sweeps), "mode": mode.name}
-                for mode in self.modes
-                for finding in mode.findings
-            ],
+            "audit": [finding.to_json() | {"mode": mode.name} for mode in self.modes for finding in mode.findings],
             "outcomes": [asdict(row) | {"above_db": row.above_db, "held": row.held} for row in self.outcomes],
             "changes": list(self.changes),
             "understood": self.summary.table.to_dict(orient="records"),

@@ -8,7 +8,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.campaign.answer import LEAST_SPREAD, NORMAL_90, ModeAnswer
-from damping.campaign.modal_fit import Level, ModalFit, evaluate_sd
+from damping.campaign.modal_fit import SLOPES, Level, ModalFit, evaluate_sd
 from damping.campaign.poles import receptance
 from damping.campaign.records import DrivenMode
 from damping.campaign.runs import LABEL_AGREES
@@ -19,7 +19,6 @@ from damping.formats.quantity import unit
 _SEARCHED = 1.5  #: half of the range around a resonance that is searched for its peak, in half-power half-widths
 #: Change of amplitude, in ln, from which the damping within a level follows from that at two levels.
 _APART = 0.05
-_SLOPES = (-0.9, 0.97)  #: range of the slope of damping with amplitude, as in the fit
 _TOP = 0.85  #: rows with at least this share of the largest reading are on the top of a peak
 #: Change of a peak beside the largest, in ln, that no fixed shape explains: five times the noise of measured peaks.
 _TURNED = 5.0 * LEAST_SPREAD
@@ -149,7 +148,7 @@ def _move_modes(level: Level, others: Sequence[tuple[int, At]], part: int) -> Mo
         friction[k] *= z / at.ratio.median / grown
         if abs(log(grown)) > _APART:
             rest = z / at.ratio.median - 1.0 - friction[k] * (grown - 1.0)
-            slope[k] = np.clip(rest / (1.0 / grown - 1.0), *_SLOPES)
+            slope[k] = np.clip(rest / (1.0 / grown - 1.0), *SLOPES)
         friction[k] = min(friction[k], 1.0, 1.0 + slope[k])
     return replace(fit, frequency=frequency, ratio=ratio, slope=slope, friction=friction)
 
