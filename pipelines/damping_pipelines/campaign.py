@@ -11,7 +11,7 @@ import pandas as pd
 from damping.campaign import analyse
 from damping.campaign.answer import Campaign, ModeAnswer
 from damping.campaign.runs import DesignLevel, read_corrections
-from damping.campaign.values import SensorPrediction
+from damping.campaign.values import Bounds, SensorPrediction
 from damping.errors import InputError, naming
 from damping.formats.columns import find_roles, open_table
 from damping.formats.conversion import SCALINGS
@@ -151,7 +151,9 @@ def _read_predictions(path: Path) -> list[SensorPrediction]:
     band = attrgetter("median", "low", "high")
     form = read_form(CampaignForm, read_bytes(path), path, "campaign.json of a campaign")
     return [
-        SensorPrediction(mode.frequency, at.input or at.level, at.tested, peak.sensor, peak.unit, band(peak), *known)
+        SensorPrediction(
+            mode.frequency, at.input or at.level, at.tested, peak.sensor, peak.unit, Bounds(*band(peak)), *known
+        )
         for mode in form.modes
         for at in mode.at
         for known in [(at.frequency, band(at.damping_ratio) if at.damping_ratio else None, form.level_unit)]
@@ -183,15 +185,15 @@ def _frequencies(text: str | None) -> list[float]:
 def _write_page(answer: Campaign) -> list[Section]:
     """Write the page: the answer, damping of modes against level, and the response of every sensor at all levels."""
     parts: dict[str, Block] = {
-        "modes": Table(tabulate_modes(answer), "", {"frequency, Hz": format_hertz}),
-        "limits": Table(tabulate_notches(answer), ""),
-        "outcomes": Table(tabulate_outcomes(answer), ""),
-        "files": Table(answer.summary.table, ""),
+        "modes": Table(tabulate_modes(answer), {"frequency, Hz": format_hertz}),
+        "limits": Table(tabulate_notches(answer)),
+        "outcomes": Table(tabulate_outcomes(answer)),
+        "files": Table(answer.summary.table),
     }
     for mode in answer.modes:
         parts |= _draw_levels(mode, answer.input_name, answer.unit)
-        parts[f"{mode.name} damping"] = Table(tabulate_damping(mode, answer.unit), "")
-        parts[f"{mode.name} peaks"] = Table(tabulate_peaks(mode, answer.unit), "")
+        parts[f"{mode.name} damping"] = Table(tabulate_damping(mode, answer.unit))
+        parts[f"{mode.name} peaks"] = Table(tabulate_peaks(mode, answer.unit))
     cautions = {mode.name: group_cautions(mode, answer.unit) for mode in answer.modes}
     values = vars(answer) | {
         **describe_answer(answer),
@@ -206,8 +208,7 @@ def _write_page(answer: Campaign) -> list[Section]:
 def _draw_levels(mode: ModeAnswer, input_name: str, unit: str) -> dict[str, Block]:
     """The figure of a mode by its name; none if only one level has a result."""
     levels = pd.DataFrame(
-        {"level": at.input, "tested": at.tested, "frequency": at.frequency}
-        | dict(zip(("median", "low", "high"), at.ratio, strict=True))
+        {"level": at.input, "tested": at.tested, "frequency": at.frequency} | at.ratio._asdict()
         for at in sorted(mode.places, key=lambda at: at.input)
         if at.ratio
     )

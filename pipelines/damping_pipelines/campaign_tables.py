@@ -32,7 +32,7 @@ def describe_answer(answer: Campaign) -> dict[str, Any]:
     shown = asked or known
     peaks = [(*own, peak) for own in shown for peak in own[1].response] if answer.is_driven else []
     units = dict.fromkeys(peak.unit for _, _, peak in peaks)
-    largest = [max((own for own in peaks if own[2].unit == unit), key=lambda own: own[2].band[0]) for unit in units]
+    largest = [max((own for own in peaks if own[2].unit == unit), key=lambda own: own[2].band.median) for unit in units]
     least = min(shown, key=lambda own: own[1].ratio or (), default=None)
     tops = {mode.name: max((at.input for at in mode.places if at.tested), default=math.nan) for mode in modes}
     return {
@@ -68,12 +68,13 @@ def _list_trends(modes: Sequence[ModeAnswer]) -> list[str]:
     """In which modes damping grows or falls from the lowest to the highest tested level: their bands are apart."""
     named: dict[int, list[str]] = {}
     for mode in modes:
-        tested = sorted((at for at in mode.places if at.tested and at.ratio), key=lambda at: at.input)
+        places = sorted((at for at in mode.places if at.tested), key=lambda at: at.input)
+        tested = [at.ratio for at in places if at.ratio]
         if len(tested) < 2:
             continue
-        first, last = (at.ratio or (math.nan,) * 3 for at in (tested[0], tested[-1]))
-        change = int(last[1] > first[2]) - int(last[2] < first[1])
-        by = f" (by {words.format_percent(100.0 * abs(last[0] / first[0] - 1.0))} %)" if change else ""
+        first, last = tested[0], tested[-1]
+        change = int(last.low > first.high) - int(last.high < first.low)
+        by = f" (by {words.format_percent(100.0 * abs(last.median / first.median - 1.0))} %)" if change else ""
         named.setdefault(change, []).append(f"{mode.name}{by}")
     return [f"{verb} {words.format_joined(named[change])}" for change, verb in _CHANGES.items() if change in named]
 
@@ -106,7 +107,7 @@ def tabulate_damping(mode: ModeAnswer, unit: str) -> pd.DataFrame:
             "level": describe_level(at, unit),
             "kind": describe_kind(at),
             "frequency, Hz": describe_frequency(at),
-            "damping ratio, %": number_with_error(100.0 * at.ratio[0], 100.0 * (at.ratio_error or 0.0))
+            "damping ratio, %": number_with_error(100.0 * at.ratio.median, 100.0 * (at.ratio_error or 0.0))
             if at.ratio
             else "no answer",
         }
@@ -121,7 +122,7 @@ def tabulate_peaks(mode: ModeAnswer, unit: str) -> pd.DataFrame:
             "level": describe_level(at, unit),
             "kind": describe_kind(at),
             "sensor": peak.sensor,
-            **dict(zip(("median", "low", "high"), peak.band, strict=True)),
+            **peak.band._asdict(),
             "unit": peak.unit,
         }
         for at in mode.places
@@ -131,12 +132,9 @@ def tabulate_peaks(mode: ModeAnswer, unit: str) -> pd.DataFrame:
 
 def group_cautions(mode: ModeAnswer, unit: str) -> list[str]:
     """Each caution of a mode once, with its levels unless it applies to all."""
-    levels: dict[str, list[str]] = {}
-    for at in mode.places:
-        for caution in dict.fromkeys(at.cautions):
-            levels.setdefault(caution, []).append(f"{at.level:.4g} {unit}".rstrip())
+    held = collect_holders((f"{at.level:.4g} {unit}".rstrip(), at.cautions) for at in mode.places)
     everywhere = len(mode.places)
-    return [caution if len(at) == everywhere else f"at {', '.join(at)}: {caution}" for caution, at in levels.items()]
+    return [caution if len(at) == everywhere else f"at {', '.join(at)}: {caution}" for caution, at in held]
 
 
 def tabulate_notches(answer: Campaign) -> pd.DataFrame:

@@ -72,7 +72,6 @@ def begin() -> None:
     """Options that apply to every command."""
 
 
-@app.command()
 @delegate(".study", "run_study")
 def study(
     settings_file: Annotated[
@@ -87,7 +86,6 @@ def study(
     """Rank, sample, extrapolate and report: the whole study."""
 
 
-@app.command()
 @delegate(".tables")
 def check(
     record: options.RecordArgument,
@@ -98,7 +96,6 @@ def check(
     """Check a record: units, phases, cut sweeps, copies. Exit code 1 if no answer can be right."""
 
 
-@app.command()
 @delegate(".laws")
 def rank(
     record: options.RecordArgument,
@@ -132,31 +129,31 @@ _PREDICTIONS = {
     "extrapolate": "Amplitude at resonance beyond the test, with bands. Or the force for an amplitude.",
     "curve": "Damping ratio, Q and frequency against amplitude. With bands, in and beyond the test.",
 }
-for _name, _help in _PREDICTIONS.items():
-    app.command(_name, help=_help)(delegate(".laws", _name)(_predict))
-
-#: Commands whose options stand elsewhere.
-_FURTHER = (
-    *("gap", "campaign", "import_", "export", "compare", "verify", "fleet", "regress", "sweep", "condition"),
-    *("blind", "bands", "calibrate"),
-)
-for _name in _FURTHER:
-    app.command(_name.rstrip("_"))(getattr(commands, _name))
-
 #: Commands in the order of a newcomer's work: from a laboratory's file to the design load, many records, checks.
-ORDER = (
-    *("import", "check", "rank", "extrapolate", "curve", "export", "gap", "sweep"),
-    *("campaign", "study", "compare", "fleet", "verify", "condition", "regress", "blind", "bands", "calibrate"),
-)
-app.registered_commands.sort(key=lambda info: ORDER.index(info.name or getattr(info.callback, "__name__", "")))
-
+COMMANDS = {
+    "import": commands.import_,
+    "check": check,
+    "rank": rank,
+    **{name: delegate(".laws", name)(_predict) for name in _PREDICTIONS},
+    "export": commands.export,
+    "gap": commands.gap,
+    "sweep": commands.sweep,
+    "campaign": commands.campaign,
+    "study": study,
+    "compare": commands.compare,
+    "fleet": commands.fleet,
+    "verify": commands.verify,
+    "condition": commands.condition,
+    "regress": commands.regress,
+    "blind": commands.blind,
+    "bands": commands.bands,
+    "calibrate": commands.calibrate,
+}
 #: The example that the help of each command ends with.
 EXAMPLES = tomllib.loads(Path(__file__).with_name("examples.toml").read_text("utf-8"))
-for _info in app.registered_commands:
-    _own = _info.name or getattr(_info.callback, "__name__", "")
-    assert _info.callback is not None
-    _info.callback = _add_common(_info.callback)
-    _info.epilog = f"Example: {EXAMPLES[_own]}" if _own in EXAMPLES else None
+for _name, _command in COMMANDS.items():
+    _example = f"Example: {EXAMPLES[_name]}" if _name in EXAMPLES else None
+    app.command(_name, help=_PREDICTIONS.get(_name), epilog=_example)(_add_common(_command))
 
 
 #: Objects made before a look for unused cycles among them: what loads, a hundred thousand objects that all stay, is

@@ -89,7 +89,7 @@ def describe_comparison_page(studies: Sequence[StudySummary], versions: Mapping[
         for study in studies
     ]
     sharing, parts = _weigh_sharing(_list_different(studies))
-    parts |= {"overview": _tabulate_records(studies), "studies": Table(pd.DataFrame(rows), "")}
+    parts |= {"overview": _tabulate_records(studies), "studies": Table(pd.DataFrame(rows))}
     records = []
     for name in names:
         having = [study for study in studies if name in study.records]
@@ -130,7 +130,7 @@ def _tabulate_records(studies: Sequence[StudySummary]) -> Table:
         for study in studies
         for record in study.records.values()
     ]
-    return Table(pd.DataFrame(rows), "")
+    return Table(pd.DataFrame(rows))
 
 
 def _name_record(study: StudySummary, record: RecordSummary, studies: Sequence[StudySummary]) -> str:
@@ -178,7 +178,7 @@ def _weigh_sharing(records: Sequence[tuple[str, RecordSummary]]) -> tuple[dict[s
     values["among"] = f"{report.count(len(records), 'record')} ({report.format_joined(names)})"
     parts: dict[str, Block] = {}
     if len(table):
-        parts["pooled"] = Table(table.head(MOST_POOLED), "", {"weight": report.format_share})
+        parts["pooled"] = Table(table.head(MOST_POOLED), {"weight": report.format_share})
     if shapes:
         parts["shapes"] = _tabulate_shapes(names, shapes)
     return values, parts
@@ -191,7 +191,7 @@ def _tabulate_shapes(names: Sequence[str], shapes: Mapping[str, SharedShape]) ->
     for law, shape in shapes.items():
         values = [interval.format(*value) for value in (shape.pooled, *shape.each)]
         columns[f"{law}: {shape.name.removeprefix(f'{law} ')}"] = [report.number(np.exp(shape.log_odds)), *values]
-    return Table(pd.DataFrame(columns), "")
+    return Table(pd.DataFrame(columns))
 
 
 def _list_differences(studies: Sequence[StudySummary]) -> list[str]:
@@ -232,7 +232,7 @@ def _build_tables(name: str, having: Sequence[StudySummary]) -> dict[str, Table]
     if len(posteriors):
         columns = ["law", "parameter", "study", "median", "low", "high", "unit"]
         order = posteriors.sort_values(["law", "parameter"], kind="stable")[columns]
-        tables["posteriors"] = Table(order, "", {"unit": lambda unit: str(unit) or report.NOTHING})
+        tables["posteriors"] = Table(order, {"unit": lambda unit: str(unit) or report.NOTHING})
     return tables
 
 
@@ -271,7 +271,7 @@ def _tabulate_rankings(name: str, having: Sequence[StudySummary]) -> Table:
         weight, error = f"weight: {study.name}", f"held-out error (%): {study.name}"
         wide = wide.assign(**{weight: ranking["weight"].to_numpy(), error: ranking["held_out_error"].to_numpy()})
         formats |= {weight: report.format_share, error: report.format_percent}
-    return Table(wide, "", formats)
+    return Table(wide, formats)
 
 
 def _tabulate_predictions(table: pd.DataFrame, *, comparable: bool) -> Table:
@@ -286,7 +286,7 @@ def _tabulate_predictions(table: pd.DataFrame, *, comparable: bool) -> Table:
         "linear_overprediction_percent": report.format_percent,
         "difference": lambda value: report.format_signed(value).removesuffix(" %"),
     }
-    return Table(table[columns], "", formats, headings)
+    return Table(table[columns], formats, headings)
 
 
 def _tabulate_stacked(name: str, having: Sequence[StudySummary], what: str) -> pd.DataFrame:

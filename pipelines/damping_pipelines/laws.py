@@ -132,10 +132,9 @@ def _tabulate_coefficients(laws: Sequence[Candidate], units: Units) -> object:
     table = PlainTable("Coefficients of laws by number, median and 90 % interval", numbers, names)
     for c in laws:
         for x in c.coefficients:
-            parameter = f"{x.force} {x.shape}".strip()
             values = (number(value) for value in (x.value, x.low, x.high))
-            unit = format_parameter_unit(parameter, units)
-            table.add_row(str(c.rank), parameter, unit, *values, number(x.t_ratio, 3))
+            unit = format_parameter_unit(x.parameter, units)
+            table.add_row(str(c.rank), x.parameter, unit, *values, number(x.t_ratio, 3))
     return table
 
 

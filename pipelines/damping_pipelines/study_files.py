@@ -196,7 +196,7 @@ def _summarise_record(record: RecordResult) -> dict[str, Any]:
         "title": record.title,
         "mode": record.mode.name,
         "units": asdict(record.mode.units),
-        "audit": [asdict(finding) for finding in record.findings],
+        "audit": [finding.to_json() for finding in record.findings],
         "rank": rank_form(record.ranking),
         "loads": loads_form(record.design, curve=record.design_curve) if record.design else None,
         "curve": curve_form(record.curve) if record.curve else None,

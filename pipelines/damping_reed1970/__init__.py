@@ -183,7 +183,7 @@ def describe_columns(frame: pd.DataFrame) -> dict[str, str]:
 
 def chapter_table(chapter: int, name: str, frame: pd.DataFrame, headings: Mapping[str, str] | None = None) -> Table:
     """A table, its caption to come; ``frame`` may be a part of what the chapter's CSV file of that name holds."""
-    return Table(frame, "", headings=describe_columns(frame) | dict(headings or {}), key=f"chapter_{chapter}_{name}")
+    return Table(frame, headings=describe_columns(frame) | dict(headings or {}), key=f"chapter_{chapter}_{name}")
 
 
 def row(frame: pd.DataFrame, **where: object) -> pd.Series[Any]:
@@ -230,7 +230,7 @@ def build_known_table(name: str, frame: pd.DataFrame) -> list[Block]:
     """A named table with its caption, folded if it is long."""
     title, text = KNOWN[name]["title"], KNOWN[name]["text"]
     shown = frame[[column for column in KNOWN[name].get("columns", frame) if column in frame]]
-    table = Table(shown, text, headings=describe_columns(shown), key=name)
+    table = Table(shown, caption=text, headings=describe_columns(shown), key=name)
     if len(shown) <= MOST_ROWS:
         return [table]
     return [Text(text), Fold(f"{title}: all {len(shown)} rows", [replace(table, caption=title)])]

@@ -92,8 +92,8 @@ def reproduction_part(rows: pd.DataFrame) -> ReportPart:
             title, description, caption = rest.split("\n", 2)
             return [draw_block(name, title, description, lambda: draw_reproduction(rows), join_lines(caption))]
         if kind == "counts":
-            return [Table(count_agreements(rows), rest)]
-        return [Table(rows[known["columns"]], known["text"], key="reproduction")]
+            return [Table(count_agreements(rows), caption=rest)]
+        return [Table(rows[known["columns"]], caption=known["text"], key="reproduction")]
 
     blocks = write_blocks(Path(__file__).with_suffix(".txt"), values | {"title": known["title"]}, take)
     return ReportPart(Section("reproduction", "Every printed number recomputed", blocks))
@@ -176,7 +176,7 @@ def errata_part(table: pd.DataFrame, reproduction: pd.DataFrame) -> ReportPart:
     def take(kind: str, name: str, caption: str) -> list[Block]:
         rows = table[table["severity"] == name].to_dict("records")
         shown = pd.DataFrame([describe_erratum(row, numbers.get(row["id"], "")) for row in rows])
-        return [Table(shown, caption, key="errata")]
+        return [Table(shown, caption=caption, key="errata")]
 
     return ReportPart(
         Section("errata", "Errata of the report", write_blocks(Path(__file__).with_name("errata.txt"), values, take))

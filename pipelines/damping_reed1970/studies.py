@@ -190,7 +190,7 @@ def gaps_part(diagnoses: Gaps) -> ReportPart:
 
     def take(kind: str, name: str, caption: str) -> list[Block]:
         if kind == "blind":
-            return [Table(tabulate_blind_rows(blind), caption)]
+            return [Table(tabulate_blind_rows(blind), caption=caption)]
         diagnosis, key = diagnoses[name], f"gap_configuration_{name}"
         if kind == "verdict":
             topics = describe_diagnosis(diagnosis)
@@ -201,7 +201,7 @@ def gaps_part(diagnoses: Gaps) -> ReportPart:
                 List([*sentences, *topics["reach"], *topics["following"]]),
             ]
         if kind == "table":
-            return [Table(tables[key].head(_MOST), join_lines(caption), {"probability": format_share}, key=key)]
+            return [Table(tables[key].head(_MOST), {"probability": format_share}, caption=join_lines(caption), key=key)]
         drawn = gap_figures(diagnosis)
         return [_draw_gap(f"gap-configuration-{name}-{figure}", drawn[figure]) for figure in SHOWN]
 

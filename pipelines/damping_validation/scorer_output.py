@@ -48,9 +48,9 @@ def render_scores(figures: Sequence[Figure], cases: Sequence[Verdict], seed: int
         "confusion": (draw_confusion(matrix), "True effect (rows) against answer (columns), cases"),
     }
     parts: dict[str, Block] = {
-        "rows": Table(tabulate_blind_rows(table), ""),
-        "kinds": Table(kinds, "", key="kinds"),
-        "counts": Table(counts, ""),
+        "rows": Table(tabulate_blind_rows(table)),
+        "kinds": Table(kinds, key="kinds"),
+        "counts": Table(counts),
     }
     for name, (drawing, title) in drawn.items():
         svg = to_svg(drawing, f"blind-{name}", title, title)

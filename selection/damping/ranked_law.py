@@ -97,7 +97,7 @@ class RankedLaw(Summarised):
     @property
     def shown(self) -> pd.DataFrame:
         """One row for each coefficient and shape: ``median, low, high``."""
-        rows = [(f"{c.force} {c.shape}".rstrip(), c.value, c.low, c.high) for c in self.candidate.coefficients]
+        rows = [(c.parameter, c.value, c.low, c.high) for c in self.candidate.coefficients]
         rows = rows or [(name, np.nan, np.nan, np.nan) for name in self.law.components]
         return pd.DataFrame(rows, columns=["parameter", "median", "low", "high"])
 

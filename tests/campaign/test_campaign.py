@@ -36,7 +36,7 @@ from damping.campaign.records import describe_lost, fit_levels, tie_modes
 from damping.campaign.responses import find_input
 from damping.campaign.runs import CampaignRun, DesignLevel, read_corrections
 from damping.campaign.sources import read_runs
-from damping.campaign.values import At, Response, SensorPrediction
+from damping.campaign.values import At, Bounds, Response, SensorPrediction
 from damping.errors import AnalysisError, InputError
 from damping.formats.arrays import read_arrays
 from damping.formats.series import Summary
@@ -835,8 +835,8 @@ def test_a_notch_keeps_the_upper_bound_at_its_limit():
     places = []
     for level in np.geomspace(0.1, 2.0, 40):
         peak, z = steady_peak(level)
-        response = Response("tip", "acceleration", "g", (0.9 * peak, 0.8 * peak, peak))
-        places.append(At(float(level), False, 50.0, (z, z, z), (response,), ()))
+        response = Response("tip", "acceleration", "g", Bounds(0.9 * peak, 0.8 * peak, peak))
+        places.append(At(float(level), False, 50.0, Bounds(z, z, z), (response,), ()))
     allowed = 0.7
     limit, z = steady_peak(allowed)
     notch = find_notches("mode-1", places, 0.5, 2.0, {"tip": limit, "absent": 1.0})
@@ -859,8 +859,8 @@ def test_a_wide_notch_ends_where_the_motion_is_as_large(design, ends):
     z, swept, limit = 0.05, (20.0, 120.0), 20.0 * 20.0 / 0.1  # the limit at a level of 20
     places = []
     for level in np.geomspace(1.0, 1300.0, 40):
-        response = Response("tip", "acceleration", "g", (1.0, 0.5, 20.0 * level / (2.0 * z)))
-        places.append(At(float(level), False, 50.0, (z, z, z), (response,), ()))
+        response = Response("tip", "acceleration", "g", Bounds(1.0, 0.5, 20.0 * level / (2.0 * z)))
+        places.append(At(float(level), False, 50.0, Bounds(z, z, z), (response,), ()))
     (notch,) = find_notches("mode-1", places, 10.0, design, {"tip": limit}, swept)
     for end, of_sweep, inner in zip((notch.low, notch.high), swept, ends, strict=True):
         r = end / 50.0
@@ -876,7 +876,10 @@ def test_a_wide_notch_ends_where_the_motion_is_as_large(design, ends):
     [
         ({"limits": {"ridge": 1.0}}, "--limit of no sensor 'ridge'; expected one of roof, mid, low"),
         ({"limits": {"roof": 1.0}}, "--limit of free decays; expected no --limit"),
-        ({"before": [SensorPrediction(0.7, 1.0, True, "roof", "m/s^2", (1.0, 1.0, 1.0))]}, "--previous of free decays"),
+        (
+            {"before": [SensorPrediction(0.7, 1.0, True, "roof", "m/s^2", Bounds(1.0, 1.0, 1.0))]},
+            "--previous of free decays",
+        ),
     ],
 )
 def test_what_free_decays_have_not_is_refused(tmp_path, options, message):
@@ -906,14 +909,14 @@ def test_levels_in_another_unit_are_not_compared(tmp_path, monkeypatch):
 def predicted(level: float, tested: bool) -> SensorPrediction:
     """The closed form of :func:`steady_peak` as predicted, 10 % either way."""
     peak = steady_peak(level)[0]
-    return SensorPrediction(50.0, level, tested, "tip", "g", (peak, 0.9 * peak, 1.1 * peak))
+    return SensorPrediction(50.0, level, tested, "tip", "g", Bounds(peak, 0.9 * peak, 1.1 * peak))
 
 
 def test_a_run_is_held_against_what_was_predicted(bare_mode):
     """Tested before: nothing is said; new: the peak beside the band; a notched run counts with its input there."""
     before = [predicted(level, level < 1.0) for level in np.geomspace(0.5, 2.0, 9)]
     places = [
-        At(level, True, 50.0, None, (Response("tip", "acceleration", "g", (size, size, size)),), (), reached)
+        At(level, True, 50.0, None, (Response("tip", "acceleration", "g", Bounds(size, size, size)),), (), reached)
         for level, reached, size in (
             (0.5, None, 1.0),
             (1.5, None, 1.05 * steady_peak(1.5)[0]),
@@ -938,8 +941,8 @@ def known(level: float, tested: bool, frequency: float = 50.0, z: float = 0.01) 
     ]
 
 
-def banded(value: float) -> tuple[float, float, float]:
-    return value, 0.98 * value, 1.02 * value
+def banded(value: float) -> Bounds:
+    return Bounds(value, 0.98 * value, 1.02 * value)
 
 
 def place(level: float, frequency: float, z: float, gain: float = 1.0) -> At:
@@ -1157,11 +1160,11 @@ def test_limits_that_are_not_understood(tmp_path, damping, words, message):
 
 def test_modes_with_design_levels_of_their_own_are_one_table(bare_mode):
     """Levels of two modes differ where each has the unit of its own motion, or the input is a curve."""
-    modes = tuple(bare_mode(f, [At(f, False, f, (0.01, 0.009, 0.011), (), ())]) for f in (10.0, 20.0))
-    notched = bare_mode(10.0, [At(12.0, True, 10.0, (0.01, 0.009, 0.011), (), (), 7.82)])
+    modes = tuple(bare_mode(f, [At(f, False, f, Bounds(0.01, 0.009, 0.011), (), ())]) for f in (10.0, 20.0))
+    notched = bare_mode(10.0, [At(12.0, True, 10.0, Bounds(0.01, 0.009, 0.011), (), (), 7.82)])
     (said,) = tabulate_modes(Campaign((notched,), (), (), "N"))["damping ratio at the lowest level, %"]
     assert said == "1.00 (0.900 to 1.10) at 12 N, notched: 7.82 N at the mode"
-    (hertz,) = tabulate_damping(bare_mode(41.0, [At(0.1, True, 41.0, (0.01, 0.009, 0.011), (), ())]), "g")[
+    (hertz,) = tabulate_damping(bare_mode(41.0, [At(0.1, True, 41.0, Bounds(0.01, 0.009, 0.011), (), ())]), "g")[
         "frequency, Hz"
     ]
     assert hertz == "41.000"  # of a mode whose error is not known the five digits of the terminal
@@ -1176,8 +1179,8 @@ def test_modes_with_design_levels_of_their_own_are_one_table(bare_mode):
 def test_the_page_begins_with_the_answer(bare_mode):
     """The largest peak of each unit with its band, trends from bands that are apart, cautions with their modes."""
     tip, gap = (
-        Response("tip", "acceleration", "g", (8.0, 7.0, 9.0)),
-        Response("gap", "displacement", "mm", (2.0, 1.0, 3.0)),
+        Response("tip", "acceleration", "g", Bounds(8.0, 7.0, 9.0)),
+        Response("gap", "displacement", "mm", Bounds(2.0, 1.0, 3.0)),
     )
     asked = At(4.0, False, 50.0, banded(0.03), (tip, gap), ("beyond the test: 2.00 times", "no law leads"))
     grows = bare_mode(50.0, [place(1.0, 50.0, 0.01), place(2.0, 50.0, 0.02), asked])
@@ -1249,7 +1252,7 @@ def test_a_table_of_design_levels_is_in_the_units_of_its_header(tmp_path, dampin
 
 def test_a_study_file_holds_any_name(tmp_path, damping, monkeypatch, bare_mode):
     """A quote, a backslash and a control character in the name of a file, and a quote in the unit of the drive."""
-    places = [At(level, level < 20.0, 41.0, (0.01, 0.009, 0.011), (), ()) for level in (10.0, 20.0)]
+    places = [At(level, level < 20.0, 41.0, Bounds(0.01, 0.009, 0.011), (), ()) for level in (10.0, 20.0)]
     mode = replace(bare_mode(41.0, places), design_forces=(2.0,))
     answer = Campaign((mode,), LEVELS, (0.8,), 'g"')
     monkeypatch.setattr("damping_pipelines.campaign.analyse", lambda *_: answer)

@@ -17,7 +17,7 @@ from damping.campaign.modal_fit import find_peaks_of, fit_level
 from damping.campaign.records import fit_levels, fit_right_levels, tie_modes
 from damping.campaign.runs import ChannelCorrection, Corrections
 from damping.campaign.sources import read_runs
-from damping.campaign.values import At, Response
+from damping.campaign.values import At, Bounds, Response
 from damping.errors import AnalysisError, InputError
 from damping.extrapolation import predict_record
 from damping.extrapolation.curve import predict_forces, trace_loads
@@ -456,8 +456,8 @@ def test_too_few_rows_have_no_peak():
 def test_the_largest_motion_is_that_whatever_the_units():
     """At 10 Hz, 1 g is 9.80665 / (20 pi)^2 = 2.484 mm, 13.3 m/s^2 1.36 g."""
     peaks = {"tip": (13.3, "m/s^2"), "root": (1.98, "g"), "mid": (4.0, "mm"), "foot": (0.2, "m/s")}
-    response = tuple(Response(sensor, "", unit, (size, size, size)) for sensor, (size, unit) in peaks.items())
+    response = tuple(Response(sensor, "", unit, Bounds(size, size, size)) for sensor, (size, unit) in peaks.items())
     assert At(1.0, True, 10.0, None, response, ()).largest == response[1]
-    at = At(1.0, True, 10.0, None, (*response, Response("far", "", "mm", (5.0, 5.0, 5.0))), ())
+    at = At(1.0, True, 10.0, None, (*response, Response("far", "", "mm", Bounds(5.0, 5.0, 5.0))), ())
     assert at.largest == at.response[-1]
     assert At(1.0, True, 10.0, None, (), ()).largest is None

@@ -135,7 +135,7 @@ def hostile(study: StudyResult) -> StudyResult:
         data=replace(peaks.data, sweeps=(HOSTILE, "B", "C")),
     )
     table = pd.DataFrame({HOSTILE: [HOSTILE]})
-    section = Section("further", HOSTILE, [Table(table, HOSTILE, key=HOSTILE)])
+    section = Section("further", HOSTILE, [Table(table, caption=HOSTILE, key=HOSTILE)])
     return replace(
         study,
         title=HOSTILE,

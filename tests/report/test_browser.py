@@ -138,7 +138,9 @@ def test_order_of_what_cells_say(opened, tmp_path, texts, ordered):
     from damping.report.page import Footer, Section, Table, render_page
 
     path = tmp_path / "page.html"
-    path.write_text(render_page("t", [Section("s", "S", [Table(pd.DataFrame({"a": texts}), "c")])], Footer(1, {}, {})))
+    path.write_text(
+        render_page("t", [Section("s", "S", [Table(pd.DataFrame({"a": texts}), caption="c")])], Footer(1, {}, {}))
+    )
     with opened(path) as one:
         one.page.locator(".sort").click()
         assert one.page.locator("tbody td").all_inner_texts() == ordered
@@ -150,7 +152,7 @@ def test_every_sheet_of_a_long_table_has_its_headings(opened, tmp_path):
 
     from damping.report.page import Footer, Section, Table, render_page
 
-    path, table = tmp_path / "page.html", Table(pd.DataFrame({"a": range(200)}), "c")
+    path, table = tmp_path / "page.html", Table(pd.DataFrame({"a": range(200)}), caption="c")
     path.write_text(render_page("t", [Section("s", "S", [table])], Footer(1, {}, {})))
     with opened(path) as one:
         one.page.locator("th").evaluate("head => { head.style.color = '#0f0'; }")
@@ -168,7 +170,10 @@ def test_no_heading_of_a_table_stands_alone_at_the_foot_of_a_sheet(opened, tmp_p
 
     from damping.report.page import Footer, Section, Table, render_page
 
-    path, tables = tmp_path / "page.html", [Table(pd.DataFrame({"a": range(1 + k % 4)}), "c") for k in range(80)]
+    path, tables = (
+        tmp_path / "page.html",
+        [Table(pd.DataFrame({"a": range(1 + k % 4)}), caption="c") for k in range(80)],
+    )
     path.write_text(render_page("t", [Section("s", "S", tables)], Footer(1, {}, {})))
     with opened(path) as one:
         for element, colour in (("th", "#0f0"), ("td", "#f00")):

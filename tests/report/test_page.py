@@ -357,7 +357,7 @@ def test_footer_says_what_results_depend_on(study: StudyResult, reader: Reader) 
 def test_blocks_are_escaped_one_by_one() -> None:
     bad = "<i>&"
     blocks = [Heading(bad), Text(bad), List([bad], numbered=True), Fold(bad, [Text(bad)])]
-    blocks.append(Table(pd.DataFrame({bad: [bad]}), bad, headings={bad: bad}, key=bad))
+    blocks.append(Table(pd.DataFrame({bad: [bad]}), caption=bad, headings={bad: bad}, key=bad))
     html = render_page(bad, [Section("s", bad, blocks)], Footer(1, {bad: bad}, {bad: bad}))
     assert "<i>" not in html
     # page title, heading, contents; section, heading, text, list; fold 2; table 4; footer 4

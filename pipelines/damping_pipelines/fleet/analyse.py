@@ -255,7 +255,7 @@ def record_page(record: FleetRecord) -> str:
         parts |= _build_loads(record, loads.loads, loads.curve)
     if diagnosis:
         listed = tabulate_hypotheses(diagnosis).query("listed")[["explanation", "probability"]]
-        parts["explanations"] = page.Table(listed, "", {"probability": report.format_share})
+        parts["explanations"] = page.Table(listed, {"probability": report.format_share})
         address = f"{record.task.stem.rpartition('/')[2]}-gap.html"
         parts["diagnosis"] = page.Links([page.Link("The whole diagnosis", address)])
     sections = page.write_sections(Path(__file__).with_name("record_page.txt"), values, parts)
@@ -289,7 +289,7 @@ def _build_loads(record: FleetRecord, design: Loads, curve: Curve) -> dict[str, 
     laws.insert(1, "weight", [band.weight for band in design.by_model])
     drawn = draw_design_loads(name, data, units, design, record.bands)
     return {
-        "loads by force": page.Table(frame, "", {"times tested": report.number}, headings),
-        "loads by law": page.Table(laws, "", {"weight": report.format_share}),
-        **({"loads": page.FigureBlock(drawn.to_svg(identifier(name)), "")} if drawn else {}),
+        "loads by force": page.Table(frame, {"times tested": report.number}, headings),
+        "loads by law": page.Table(laws, {"weight": report.format_share}),
+        **({"loads": page.FigureBlock(drawn.to_svg(identifier(name)))} if drawn else {}),
     }

@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from damping.arrays import FloatArray
-from damping.plots import AVERAGE, LINEAR, MUTED, PREDICTIVE, build_panel, draw_plain_rows, law_style, styled, to_svg
+from damping.plots import AVERAGE, BESIDE, LINEAR, MUTED, PREDICTIVE, build_panel, draw_plain_rows, styled, to_svg
+from damping.plots.fits import draw_law_bars
 from damping.ranking.verdict import MISFITS
 from damping.report import (
     count,
@@ -43,10 +44,9 @@ def leading_laws(counts: pd.Series) -> Figure:
     figure, axes = build_panel(0.8 + 0.24 * len(shown), "records led")
     laws = [str(law) for law in shown.index]
     draw_plain_rows(axes, laws)
-    colours, hatches = [law_style(law).colour for law in laws], ["///" if "viscous + " in law else "" for law in laws]
-    axes.barh(range(len(laws)), shown.to_numpy(float), color=colours, hatch=hatches, edgecolor="white", linewidth=0.0)
+    draw_law_bars(axes, laws, shown, np.arange(float(len(laws))))
     for row, value in enumerate(shown):
-        axes.annotate(f"{value:d}", (float(value), row), (4, 0), textcoords="offset points", va="center", fontsize=7.5)
+        axes.annotate(f"{value:d}", (float(value), row), (4, 0), **BESIDE)
     axes.set_xlim(0.0, 1.12 * float(shown.max()))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     return figure
@@ -103,7 +103,7 @@ def describe_fleet_page(table: pd.DataFrame, settings: FleetSettings) -> str:
         quartiles = f"Quartiles {format_joined(format_signed(q) for q in levels)}."
         title = "Sorted overprediction of linear damping"
         svg = to_svg(sorted_overprediction(over), "overprediction", title, quartiles)
-        parts["overprediction"] = FigureBlock(svg, "")
+        parts["overprediction"] = FigureBlock(svg)
     values = {
         "asked": asked,
         "before": [*list_drives(table, settings.forces), *list_copies(table)],
@@ -247,7 +247,7 @@ def _build_laws(led: pd.DataFrame) -> dict[str, Block]:
         }
     )
     formats = {"share": format_share, "mean weight there": format_share}
-    return {"leading": FigureBlock(svg, ""), "laws": Table(frame, "", formats)}
+    return {"leading": FigureBlock(svg), "laws": Table(frame, formats)}
 
 
 def _build_lists(table: pd.DataFrame) -> dict[str, Block]:
@@ -266,7 +266,7 @@ def _build_lists(table: pd.DataFrame) -> dict[str, Block]:
         "left": {"record": _list_links(left), "explanation": named.loc[left.index]},
     }
     tables = {name: pd.DataFrame(columns) for name, columns in frames.items()}
-    return {name: Table(frame, "") for name, frame in tables.items() if len(frame)}
+    return {name: Table(frame) for name, frame in tables.items() if len(frame)}
 
 
 def _describe_doubts(table: pd.DataFrame) -> pd.Series:
@@ -290,4 +290,4 @@ def _tabulate_records(table: pd.DataFrame) -> Table:
     columns |= {"linear over": ordered[_OVER].astype(float), "at force": force.where(known, "")}
     ratio = format_percent_ratio
     formats = {"weight": format_share, "linear over": format_signed, "damping_ratio": ratio, "damping_ratio_low": ratio}
-    return Table(pd.DataFrame(columns), "", formats, {"damping_ratio_low": "low end", "frequency": "frequency (Hz)"})
+    return Table(pd.DataFrame(columns), formats, {"damping_ratio_low": "low end", "frequency": "frequency (Hz)"})

@@ -28,7 +28,7 @@ def write_chapter_4(results: ReportResults) -> ReportPart:
     corrected = lines[lines["inputs"] == "corrected"][[*columns, "force_coefficient", "printed_force"]]
     parameter = corrected["parameter"].str.replace("C_01", "C₀₁").str.replace("C_11", "C₁₁")
     shown = {
-        "lines": Table(corrected.assign(parameter=parameter), "", headings=symbols, key="linear_coefficients"),
+        "lines": Table(corrected.assign(parameter=parameter), headings=symbols, key="linear_coefficients"),
         "spreads": chapter_table(4, "level_variations", tabulate_spreads(variations)),
         "by_base": chapter_table(4, "level_variations", _widen(variations, "largest_percent", bases)),
         "predictions": chapter_table(4, "level_predictions", _widen(predictions, "percent_error", pairs)),

@@ -19,7 +19,7 @@ def write_chapter_5(results: ReportResults) -> ReportPart:
     measured = _tabulate_measured(studies.circular)
     shown = {
         "coefficients": Table(
-            tabulate_regression_rows(regressions), "", headings={"T-ratio": "its T-ratio"}, key="regressions"
+            tabulate_regression_rows(regressions), headings={"T-ratio": "its T-ratio"}, key="regressions"
         ),
         "measured": chapter_table(5, "circular_claims", measured),
     }

@@ -206,7 +206,7 @@ def _recompute_parameters(law: PrintedLaw) -> FloatArray:
 def write_chapter_6(results: ReportResults) -> ReportPart:
     """The page: the summary of section 6.1."""
     laws, errors = results.tables["section_6_1"], results.tables["section_6_1_errors"]
-    shown = {"laws": Table(tabulate_law_rows(laws), "", key="section_6_1")}
+    shown = {"laws": Table(tabulate_law_rows(laws), key="section_6_1")}
     figures = {"section-6-1": lambda: draw_force_laws(errors)}
     return write_chapter(
         6, results.tables, values={"limit": f"{REPRODUCES:g}"}, figures=figures, shown=shown, tables={}

@@ -7,7 +7,7 @@ amplitude A at a modal force F gives one of damping ratio, z = F/(2 m w^2 A).
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
-from math import exp, hypot, isfinite, pi
+from math import hypot, isfinite, pi
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +23,7 @@ from damping.campaign.responses import Forecast, add_responses, describe_turned,
 from damping.campaign.runs import CampaignRun, Corrections, DesignLevel
 from damping.campaign.sensors import check_drives, describe_shares
 from damping.campaign.sources import read_runs
-from damping.campaign.values import At, SensorPrediction
+from damping.campaign.values import At, Bounds, SensorPrediction
 from damping.errors import InputError
 from damping.extrapolation.curve import trace_loads
 from damping.extrapolation.prepared import PreparedRecord
@@ -145,7 +145,7 @@ def _forecast(
         measured = k < len(levels)
         if measured:
             spread, (frequency, z) = NORMAL_90 * float(hypot(mode.ratio_sd[k], LEAST_SPREAD)), steady[k]
-            ratio = (z, z * exp(-spread), z * exp(spread))
+            ratio = Bounds.about(z, spread)
             errors = _find_errors(mode, levels[k], k, *steady[k], read=moved[k])
         else:
             frequency, ratio, errors = read_curve(curve, k)

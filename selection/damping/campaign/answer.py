@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from damping.campaign.values import At, Notch, Outcome
+from damping.campaign.values import At, Bounds, Notch, Outcome
 from damping.extrapolation import Extrapolation, predict_record
 from damping.extrapolation.curve import Curve
 from damping.extrapolation.prepared import PreparedRecord, prepare_record
@@ -91,11 +91,11 @@ def predict_mode(record: Record, mode: Mode, forces: Sequence[float], seed: int)
     return PredictedMode(record, mode, prepared, predicted, law)
 
 
-def read_curve(curve: Curve, row: int) -> tuple[float, tuple[float, float, float], tuple[float, float]]:
+def read_curve(curve: Curve, row: int) -> tuple[float, Bounds, tuple[float, float]]:
     """Frequency (Hz), band of the damping ratio, and standard errors of both of a row, as of a normal."""
     f, zeta = curve.frequency.form(row), curve.damping_ratio.form(row)
     errors = tuple((band["high"] - band["low"]) / (2.0 * NORMAL_90) for band in (f, zeta))
-    return f["median"], (zeta["median"], zeta["low"], zeta["high"]), (errors[0], errors[1])
+    return f["median"], Bounds(**zeta), (errors[0], errors[1])
 
 
 @dataclass(frozen=True)
@@ -139,11 +139,7 @@ class Campaign:
             "level_name": self.level_name,
             "level_unit": self.unit,
             "delay": dict(zip(("seconds", "error"), self.delay, strict=True)) if self.delay else None,
-            "audit": [
-                asdict(finding) | {"sweeps": list(finding.sweeps), "mode": mode.name}
-                for mode in self.modes
-                for finding in mode.findings
-            ],
+            "audit": [finding.to_json() | {"mode": mode.name} for mode in self.modes for finding in mode.findings],
             "outcomes": [asdict(row) | {"above_db": row.above_db, "held": row.held} for row in self.outcomes],
             "changes": list(self.changes),
             "understood": self.summary.table.to_dict(orient="records"),
@@ -151,8 +147,8 @@ class Campaign:
         }
 
 
-def _band(band: tuple[float, float, float] | None) -> dict[str, float | None]:
-    return dict(zip(("median", "low", "high"), band or (None, None, None), strict=True))
+def _band(band: Bounds | None) -> dict[str, Any]:
+    return dict.fromkeys(Bounds._fields) if band is None else band._asdict()
 
 
 def _mode_form(mode: ModeAnswer) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.campaign.answer import Campaign
-from damping.campaign.values import At, Outcome, SensorPrediction
+from damping.campaign.values import At, Bounds, Outcome, SensorPrediction
 
 SAME_MODE = 0.05  #: modes of two campaigns are the same if their frequencies differ by less than this share
 SAME_LEVEL = 0.01  #: levels of two campaigns are the same if they differ by less than this share
@@ -25,8 +25,8 @@ def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) 
             for response in at.response:
                 known = _interpolate(_list_peaks(near, response.sensor, response.unit), at.input)
                 if known is not None:
-                    peak = (mode.name, response.sensor, response.unit, at.input, response.band[0])
-                    predictions.append(Outcome(*peak, (known[0], known[1], known[2]), campaign.unit))
+                    peak = (mode.name, response.sensor, response.unit, at.input, response.band.median)
+                    predictions.append(Outcome(*peak, Bounds(*known), campaign.unit))
     return tuple(predictions)
 
 
@@ -74,12 +74,12 @@ def _describe_level(near: Sequence[SensorPrediction], at: At) -> Iterator[str]:
         changed |= apart
         median, low, high = (f"{100 * part:.3g}" for part in ratio)
         place = ", OUTSIDE" if apart else ""
-        parts.append(f"damping {100 * at.ratio[0]:.3g} % ({median}, {low} to {high} {word}{place})")
+        parts.append(f"damping {100 * at.ratio.median:.3g} % ({median}, {low} to {high} {word}{place})")
     for response in at.response if tested else ():
         peak = _interpolate(_list_peaks(near, response.sensor, response.unit), at.input)
         if peak is not None and _are_apart(response.band, peak):
             changed = True
-            parts.append(f"{response.sensor} {20.0 * np.log10(response.band[0] / peak[0]):+z.1f} dB")
+            parts.append(f"{response.sensor} {20.0 * np.log10(response.band.median / peak[0]):+z.1f} dB")
     if changed or not tested:
         yield f"{', tested before, has changed' if tested else ''}: {'; '.join(parts)}"
 
@@ -94,15 +94,15 @@ def _was_tested(near: Sequence[SensorPrediction], at: At) -> bool:
     return any(row.tested and abs(row.level / at.input - 1.0) < SAME_LEVEL for row in near)
 
 
-def _list_peaks(near: Sequence[SensorPrediction], sensor: str, unit: str) -> dict[float, tuple[float, float, float]]:
+def _list_peaks(near: Sequence[SensorPrediction], sensor: str, unit: str) -> dict[float, Bounds]:
     """Peak of a sensor by level."""
     return {row.level: row.band for row in near if (row.sensor, row.unit) == (sensor, unit)}
 
 
-def _are_apart(band: tuple[float, float, float], other: Iterable[float]) -> bool:
-    """Whether two bands (median, low, high) have nothing in common."""
+def _are_apart(band: Bounds, other: Iterable[float]) -> bool:
+    """Whether two bands have nothing in common."""
     _, low, high = other
-    return bool(band[1] > high or band[2] < low)
+    return bool(band.low > high or band.high < low)
 
 
 def _interpolate(rows: Mapping[float, Sequence[float | None]], level: float) -> FloatArray | None:

@@ -6,7 +6,7 @@ leave of the other modes is rejected by the window of ``signals.ringdown``.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import exp, hypot, pi
+from math import hypot, pi
 from typing import TypeAlias
 
 import numpy as np
@@ -17,7 +17,7 @@ from damping.campaign.answer import LEAST_SPREAD, LEVEL, NORMAL_90, Campaign, Mo
 from damping.campaign.decay_shapes import describe_unshaped, find_loudest, find_shapes, list_unused
 from damping.campaign.runs import CampaignRun, Channel, DesignLevel
 from damping.campaign.sensors import find_unfit_sensors
-from damping.campaign.values import At, Response
+from damping.campaign.values import At, Bounds, Response
 from damping.errors import AnalysisError, InputError, naming
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import predict_forces, trace_loads
@@ -187,7 +187,7 @@ def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], 
         z, sd = F / (2.0 * w**2 * A), float(row["force_sd"]) / F
         spread, f = NORMAL_90 * hypot(sd, LEAST_SPREAD), float(row["frequency"])
         level = A * w ** ORDERS[sensor.quantity] * size
-        ratio = (z, z * exp(-spread), z * exp(spread))
+        ratio = Bounds.about(z, spread)
         response = tuple(_list_shaped(run, mode, level))
         # the slopes of the phase and of the logarithm of amplitude have one error
         places.append(At(level, True, f, ratio, response, mode.cautions, None, f * z * sd, z * sd))
@@ -218,4 +218,4 @@ def _list_shaped(run: CampaignRun, mode: DecayMode, level: float) -> Iterator[Re
             factor = _find_factor(run.channels[0]) / _find_factor(sensor)
             size = abs(mode.shape[s]) * level * factor
             spread = NORMAL_90 * float(mode.shape_sd[s] / abs(mode.shape[s]))
-            yield Response(sensor.name, sensor.quantity, sensor.unit, (size, size * exp(-spread), size * exp(spread)))
+            yield Response(sensor.name, sensor.quantity, sensor.unit, Bounds.about(size, spread))

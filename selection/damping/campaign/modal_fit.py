@@ -40,7 +40,8 @@ _SMALL = 0.1  # quantile of residuals that stands for those
 _LARGEST_FRICTION = 0.85  #: largest share of friction: with more, a level hardly moves
 _FRICTION = 0.2  # share with which a fit begins: some, so that its derivative is not 0
 MOVED = 0.04  #: largest relative change of a frequency in a fit: farther is another peak
-_SLOPES = (-0.9, 0.97)  # of damping over its peak value: at 1 small motion would be undamped
+#: Range of the slope of damping with amplitude, over its peak value: at 1 small motion would be undamped.
+SLOPES = (-0.9, 0.97)
 _STEP = 1.5e-8  # of parameters, in differences: half of the digits
 _FRICTION_PAYS = 20.0  #: least fall of the squared misfit to accept friction: e^10 in likelihood
 
@@ -173,8 +174,8 @@ def _fit_cluster(
     x0 = np.concatenate(
         [np.zeros(count), np.log(poles.ratio[cluster]), poles.slope[cluster], np.full(count, _FRICTION)]
     )
-    low = np.repeat([-MOVED, np.log(SMALLEST_RATIO), _SLOPES[0], 0.0], count)[: parts * count]
-    high = np.repeat([MOVED, np.log(LARGEST_RATIO), _SLOPES[1], _LARGEST_FRICTION], count)[: parts * count]
+    low = np.repeat([-MOVED, np.log(SMALLEST_RATIO), SLOPES[0], 0.0], count)[: parts * count]
+    high = np.repeat([MOVED, np.log(LARGEST_RATIO), SLOPES[1], _LARGEST_FRICTION], count)[: parts * count]
     start = np.clip(x0[: parts * count], low + 1e-9, high - 1e-9)
     optimum = least_squares(misfit, start, differentiate, bounds=(low, high), x_scale="jac", max_nfev=40)
     return poles.with_cluster(cluster, *np.split(optimum.x, parts))

@@ -36,7 +36,7 @@ def find_notches(
     notches = []
     for sensor, limit in limits.items():
         rows = sorted(
-            (at.level, response.band[2], at.ratio[2], at.frequency, response.unit)
+            (at.level, response.band.high, at.ratio.high, at.frequency, response.unit)
             for at in places
             for response in at.response
             if response.sensor == sensor and at.ratio is not None

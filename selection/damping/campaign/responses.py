@@ -8,18 +8,17 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.campaign.answer import LEAST_SPREAD, NORMAL_90, ModeAnswer
-from damping.campaign.modal_fit import Level, ModalFit, evaluate_sd
+from damping.campaign.modal_fit import SLOPES, Level, ModalFit, evaluate_sd
 from damping.campaign.poles import receptance
 from damping.campaign.records import DrivenMode
 from damping.campaign.runs import LABEL_AGREES
-from damping.campaign.values import At, Response
+from damping.campaign.values import At, Bounds, Response
 from damping.formats.headers import ORDERS
 from damping.formats.quantity import unit
 
 _SEARCHED = 1.5  #: half of the range around a resonance that is searched for its peak, in half-power half-widths
 #: Change of amplitude, in ln, from which the damping within a level follows from that at two levels.
 _APART = 0.05
-_SLOPES = (-0.9, 0.97)  #: range of the slope of damping with amplitude, as in the fit
 _TOP = 0.85  #: rows with at least this share of the largest reading are on the top of a peak
 #: Change of a peak beside the largest, in ln, that no fixed shape explains: five times the noise of measured peaks.
 _TURNED = 5.0 * LEAST_SPREAD
@@ -63,7 +62,8 @@ def add_responses(levels: Sequence[Level], own: Forecast, forecasts: Sequence[Fo
         peaks = _read_peaks(levels[place], at)
         pairs = [(one, peaks.get(one.sensor, one.band)) for one in response]
         response = tuple(
-            one if tested and one.band[1] <= read[0] <= one.band[2] else replace(one, band=read) for one, read in pairs
+            one if tested and one.band.low <= read.median <= one.band.high else replace(one, band=read)
+            for one, read in pairs
         )
     return replace(at, response=response)
 
@@ -76,14 +76,14 @@ def _foresee(level: Level, own: Forecast, forecasts: Sequence[Forecast], place: 
     return tuple(_list_responses(level, fits, own.mode.number, residues, own.answer.places[place]))
 
 
-def _read_peaks(level: Level, at: At) -> dict[str, tuple[float, float, float]]:
+def _read_peaks(level: Level, at: At) -> dict[str, Bounds]:
     """Band of the peak about the resonance of each sensor of which enough rows show the top, in its unit.
 
     The peak is that of 1/|H|^2 as a parabola in frequency, which it is for constant damping. The band holds the noise,
     that of every measured peak, and the distance from the largest row.
     """
     assert at.ratio is not None
-    near = np.flatnonzero(np.abs(level.f / at.frequency - 1.0) <= 2.0 * _SEARCHED * at.ratio[0])
+    near = np.flatnonzero(np.abs(level.f / at.frequency - 1.0) <= 2.0 * _SEARCHED * at.ratio.median)
     bands = {}
     sd = evaluate_sd(level.H[:, near], level.fit.noise)
     for sensor, row, error in zip(level.run.channels, np.abs(level.H[:, near]), sd, strict=True):
@@ -91,7 +91,7 @@ def _read_peaks(level: Level, at: At) -> dict[str, tuple[float, float, float]]:
         whole = len(top) >= _FEWEST_ON_TOP and top[0] > 0 and top[-1] < len(row) - 1
         if not whole:
             continue
-        f = (level.f[near[top]] / at.frequency - 1.0) / at.ratio[0]
+        f = (level.f[near[top]] / at.frequency - 1.0) / at.ratio.median
         a, b, c = np.polyfit(f, (row.max() / row[top]) ** 2, 2)
         least = c - b**2 / (4.0 * a) if a > 0.0 else 0.0
         if not least > 0.0:
@@ -101,7 +101,7 @@ def _read_peaks(level: Level, at: At) -> dict[str, tuple[float, float, float]]:
         order = (2.0 * pi * at.frequency) ** (2 - ORDERS[sensor.quantity])
         size = float(row.max() / least**0.5) * at.input * unit(level.run.drive_unit).factor / order
         size /= unit(sensor.unit).factor
-        bands[sensor.name] = (size, size * exp(-spread), size * exp(spread))
+        bands[sensor.name] = Bounds.about(size, spread)
     return bands
 
 
@@ -116,9 +116,9 @@ def describe_turned(own: Forecast, forecasts: Sequence[Forecast], tested: Sequen
         return ""
     apart = dict[str, float]()
     for place, at, sign in ((0, first, -1.0), (len(tested) - 1, last, 1.0)):
-        foreseen = {peak.sensor: peak.band[0] for peak in _foresee(own.shown[-1], own, forecasts, place)}
+        foreseen = {peak.sensor: peak.band.median for peak in _foresee(own.shown[-1], own, forecasts, place)}
         for peak in at.response:
-            apart[peak.sensor] = apart.get(peak.sensor, 0.0) + sign * log(peak.band[0] / foreseen[peak.sensor])
+            apart[peak.sensor] = apart.get(peak.sensor, 0.0) + sign * log(peak.band.median / foreseen[peak.sensor])
     apart = {sensor: change - apart[largest.sensor] for sensor, change in apart.items()}
     most = max(apart, key=lambda sensor: abs(apart[sensor]))
     if abs(apart[most]) <= _TURNED:
@@ -144,11 +144,11 @@ def _move_modes(level: Level, others: Sequence[tuple[int, At]], part: int) -> Mo
         z, f = float(fit.ratio[k]), float(fit.frequency[k])
         frequency[k], ratio[k] = at.frequency, at.ratio[part]
         # amplitude is input/(z f^2)
-        grown = at.input / find_input(level, f) * z / at.ratio[0] * (f / at.frequency) ** 2
-        friction[k] *= z / at.ratio[0] / grown
+        grown = at.input / find_input(level, f) * z / at.ratio.median * (f / at.frequency) ** 2
+        friction[k] *= z / at.ratio.median / grown
         if abs(log(grown)) > _APART:
-            rest = z / at.ratio[0] - 1.0 - friction[k] * (grown - 1.0)
-            slope[k] = np.clip(rest / (1.0 / grown - 1.0), *_SLOPES)
+            rest = z / at.ratio.median - 1.0 - friction[k] * (grown - 1.0)
+            slope[k] = np.clip(rest / (1.0 / grown - 1.0), *SLOPES)
         friction[k] = min(friction[k], 1.0, 1.0 + slope[k])
     return replace(fit, frequency=frequency, ratio=ratio, slope=slope, friction=friction)
 
@@ -164,8 +164,8 @@ def _list_responses(
     assert at.ratio is not None
     residues, residues_sd = seen
     drive = at.input * unit(level.run.drive_unit).factor
-    peaks = np.array([_peaks(fits[0], k, residues, z) for z in (at.ratio[0], at.ratio[2], at.ratio[1])]) * drive
-    beside = np.array([_peaks(fit, k, residues, at.ratio[0]) for fit in fits[1:]] or [peaks[0] / drive]) * drive
+    peaks = np.array([_peaks(fits[0], k, residues, z) for z in (at.ratio.median, at.ratio.high, at.ratio.low)]) * drive
+    beside = np.array([_peaks(fit, k, residues, at.ratio.median) for fit in fits[1:]] or [peaks[0] / drive]) * drive
     for s, sensor in enumerate(level.run.channels):
         if np.isfinite(residues[s]):
             size = peaks[:, s] / (2.0 * pi * at.frequency) ** (2 - ORDERS[sensor.quantity]) / unit(sensor.unit).factor
@@ -173,8 +173,7 @@ def _list_responses(
             spread = hypot(NORMAL_90 * float(hypot(residues_sd[s], fits[0].noise[0] / 3.0)), by_others)
             median, low, high = (float(part) for part in size)
             below, above = hypot(log(median / low), spread), hypot(log(high / median), spread)
-            band = (median, median * exp(-below), median * exp(above))
-            yield Response(sensor.name, sensor.quantity, sensor.unit, band)
+            yield Response(sensor.name, sensor.quantity, sensor.unit, Bounds.about(median, below, above))
 
 
 def _peaks(fit: ModalFit, k: int, residues: FloatArray, ratio: float) -> FloatArray:

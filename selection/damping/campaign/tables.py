@@ -106,7 +106,7 @@ def _read_content(table: SensorTable, source: Source, *, is_only: bool) -> _Cont
     if not sensors:
         raise InputError(f"{table.label}: no response", expected="columns of sensors, each with its phase")
     readings, sensors = _leave_out_other(table, readings, sensors, source)
-    values, labels = table.read(table.rows, [place for reading in readings for place in reading.roles.values()])
+    values, labels = table.read([place for reading in readings for place in reading.roles.values()])
     if labels is not None:
         said = table.headers[table.rows["sweep"]].unit
         labels = [f"{label} {said}".strip() for label in labels]

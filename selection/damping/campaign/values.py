@@ -1,26 +1,40 @@
 """Values of a campaign's results: a mode at a level, the peak of a sensor, a notch, a prediction and its outcome."""
 
 from dataclasses import dataclass
-from math import isfinite, pi
+from math import exp, isfinite, pi
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from damping.formats.quantity import find_powers, unit
 
 
+class Bounds(NamedTuple):
+    """A median and the ends of its 90 % band."""
+
+    median: float
+    low: float
+    high: float
+
+    @classmethod
+    def about(cls, median: float, below: float, above: float | None = None) -> Self:
+        """The band that reaches ``below`` and ``above`` (the same, if not given) in ln from its median."""
+        return cls(median, median * exp(-below), median * exp(below if above is None else above))
+
+
 @dataclass(frozen=True)
 class Response:
-    """Peak of a sensor: ``band`` is (median, low, high) in ``unit``."""
+    """Peak of a sensor: ``band`` in ``unit``."""
 
     sensor: str
     quantity: str
     unit: str
-    band: tuple[float, float, float]
+    band: Bounds
 
 
 @dataclass(frozen=True)
 class At:
-    """A mode at a level, ``tested`` or a design level; bands are (median, low, high), None if there is no prediction.
+    """A mode at a level, ``tested`` or a design level; ``ratio``, of damping, is None if there is no prediction.
 
     ``frequency_error`` (Hz) and ``ratio_error`` are standard errors, None if unknown.
     """
@@ -28,7 +42,7 @@ class At:
     level: float
     tested: bool
     frequency: float
-    ratio: tuple[float, float, float] | None
+    ratio: Bounds | None
     response: tuple[Response, ...]
     cautions: tuple[str, ...]
     reached: float | None = None  #: the input at the mode, if the run was notched there and the input is not the level
@@ -47,7 +61,7 @@ class At:
 
         def measure(response: Response) -> float:
             powers = find_powers(response.unit)
-            return response.band[0] * (unit(response.unit).factor * omega ** powers[2] if powers else 1.0)
+            return response.band.median * (unit(response.unit).factor * omega ** powers[2] if powers else 1.0)
 
         return max(self.response, key=measure, default=None)
 
@@ -80,25 +94,25 @@ class Notch:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A measured peak and its prediction before the run: ``predicted`` (median, low, high) in ``unit``."""
+    """A measured peak and its prediction before the run, both in ``unit``."""
 
     mode: str
     sensor: str
     unit: str
     level: float
     measured: float
-    predicted: tuple[float, float, float]
+    predicted: Bounds
     drive_unit: str = ""
 
     @property
     def above_db(self) -> float:
         """Measured peak over the predicted median, dB."""
-        return float(20.0 * np.log10(self.measured / self.predicted[0]))
+        return float(20.0 * np.log10(self.measured / self.predicted.median))
 
     @property
     def held(self) -> bool:
         """Whether the measured peak lies in the predicted band."""
-        return self.predicted[1] <= self.measured <= self.predicted[2]
+        return self.predicted.low <= self.measured <= self.predicted.high
 
     def __str__(self) -> str:
         median, low, high = self.predicted
@@ -121,7 +135,7 @@ class SensorPrediction:
     tested: bool
     sensor: str
     unit: str
-    band: tuple[float, float, float]
+    band: Bounds
     at_frequency: float | None = None
     ratio: tuple[float | None, ...] | None = None
     level_unit: str = ""  #: '' where it is not stated

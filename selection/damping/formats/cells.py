@@ -7,6 +7,7 @@ from damping.errors import InputError
 from damping.records.text import describe_shortened
 
 _MISSING = ("", "nan", "NaN", "NA", "--", "#N/A", "#NV", "n/a")
+_NOTHING = "|".join(map(re.escape, _MISSING))
 #: Decimal marks.
 DECIMALS = {"point": ".", "comma": ","}
 _OTHER = {"point": ",", "comma": "."}
@@ -20,7 +21,7 @@ _GROUPED = {
 }
 #: A number or a missing value, by decimal mark.
 NUMBER = {
-    name: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|nan|NaN|NA|--|#N/A|#NV|n/a||{_GROUPED[name]}")
+    name: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|{_NOTHING}|{_GROUPED[name]}")
     for name, mark in DECIMALS.items()
 }
 #: Digits in groups of three, and such an integer.

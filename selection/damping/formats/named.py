@@ -10,21 +10,12 @@ from math import pi
 from typing import cast
 
 import numpy as np
-import numpy.typing as npt
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray, join_complex
 from damping.errors import InputError
 from damping.formats.headers import ABSCISSAS, PHASES, RATES, ColumnHeader, find_abscissa_factor, refuse_decibels
 from damping.formats.series import MOST_SWEEPS, FileFacts, Samples, Series, Stated, Summary, convert_angles
 from damping.formats.sweeps import direct_rate, list_sweeps
-
-
-def cartesian(x: FloatArray, y: FloatArray) -> npt.NDArray[np.complex128]:
-    """X + i Y, both of one shape (n, ...)."""
-    phasor = np.empty(np.shape(x), dtype=np.complex128)
-    phasor.real, phasor.imag = x, y  # x + 1j * y would give NaN for infinities
-    return phasor
-
 
 _EXTRA = ("energy", "mass", "amplitude_sd", "phase_sd", "force_sd")
 _TO_ABSCISSA = {"frequency": 1.0, "omega": 1.0 / RAD_S_PER_HZ, "time": 1.0}
@@ -148,7 +139,7 @@ def _response(arrays: Mapping[str, Samples], n: int, is_time: bool) -> tuple[Sam
         if is_time:
             message = "x and y against time are no parts of a complex response"
             raise InputError(message, expected="--column response=NAME of the signal")
-        return cartesian(_real(values, "x"), _real(_same(arrays["y"], n, values, "y"), "y")), True
+        return join_complex(_real(values, "x"), _real(_same(arrays["y"], n, values, "y"), "y")), True
     if main == "response":
         if np.iscomplexobj(values) == is_time:
             kind = "a time history of complex values" if is_time else "a response of real values"
@@ -173,7 +164,7 @@ def _force(arrays: Mapping[str, Samples], n: int, k: int) -> Samples | None:
     if main == "force_x":
         if "force_y" not in arrays:
             raise InputError("force_x needs force_y", expected="--column force_y=NAME")
-        return cartesian(_real(values, "force_x"), _real(_spread(arrays["force_y"], n, k, "force_y"), "force_y"))
+        return join_complex(_real(values, "force_x"), _real(_spread(arrays["force_y"], n, k, "force_y"), "force_y"))
     if "force_lead_deg" in arrays:
         lead = _real(_spread(arrays["force_lead_deg"], n, k, "force"), "")
         return np.asarray(_magnitude(values, "force") * np.exp(1j * pi / 180.0 * lead))

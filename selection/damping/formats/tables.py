@@ -3,11 +3,10 @@
 Read by the readers of a single response (``columns``, ``workbook``, ``arrays``, ``named``), each file once.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import prod
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
@@ -24,25 +23,52 @@ from damping.formats.series import MOST_SWEEPS, FileFacts, Samples, Series, Stat
 from damping.formats.workbook import list_sheets
 from damping.records.text import describe_shortened, read_bytes
 
-#: Columns by place, for the places of ``frequency`` or ``omega``, ``sweep`` and others; and the label of each row.
-Read: TypeAlias = Callable[[Mapping[str, int], Sequence[int]], tuple[Mapping[int, Samples], Sequence[str] | None]]
 _EXPECTED = "a column of time beside motions, or frequency, drive and responses (--column frequency=NAME)"
 
 
 @dataclass(frozen=True)
 class SensorTable:
-    """Columns by place: their headers, which are complex, and how they are read."""
+    """Columns by place: their headers, and the text or the arrays that they are of."""
 
     label: str
     headers: tuple[ColumnHeader, ...]
-    is_complex: tuple[bool, ...]
     setting: Mapping[str, int]  #: columns of the roles ``sensors.SETTING``
-    read: Read
+    content: TextTable | Sequence[Samples]
+
+    @property
+    def is_complex(self) -> list[bool]:
+        """Whether each column is of complex values."""
+        if isinstance(self.content, TextTable):
+            return [False] * len(self.headers)
+        return [np.iscomplexobj(values) for values in self.content]
 
     @property
     def rows(self) -> dict[str, int]:
         """The columns of the roles that set a row."""
         return {role: place for role, place in self.setting.items() if role != "force"}
+
+    def read(self, further: Sequence[int]) -> tuple[dict[int, Samples], Sequence[str] | None]:
+        """Values by place of the columns that set a row, and of ``further`` ones; and the label of each row."""
+        rows = self.rows
+        if isinstance(self.content, TextTable):
+            roles = rows | {str(k): k for k in further if k not in rows.values()}
+            numbers, texts = self.content.read(roles)
+            return {roles[role]: values for role, values in numbers.items()}, texts
+        sweep = self.content[rows["sweep"]].real.reshape(-1) if "sweep" in rows else None
+        n = max(self.content[k].size for role, k in rows.items() if role != "sweep")
+        labels = None if sweep is None or len(sweep) != n else [f"{value:g}" for value in sweep]
+        return {k: self.content[k] for k in (*rows.values(), *further)}, labels
+
+    def split_levels(self) -> "list[SensorTable]":
+        """A table for each level that the names of columns hold (``levels.find_levels``), else the table."""
+        by_level = find_levels(self.headers, self.content.line if isinstance(self.content, TextTable) else None)
+        return [self._take_level(f"{level:g} {text}", of) for (level, text), of in by_level.items()] or [self]
+
+    def _take_level(self, label: str, columns: Mapping[int, ColumnHeader]) -> "SensorTable":
+        places, content = tuple(sorted(columns)), self.content
+        setting = {role: places.index(place) for role, place in self.setting.items() if place in columns}
+        of_level = replace(content, places=places) if isinstance(content, TextTable) else [content[k] for k in places]
+        return SensorTable(label, tuple(columns[k] for k in places), setting, of_level)
 
 
 def read_tables(path: Path, stated: Stated, summary: Summary, max_size: int) -> list[SensorTable]:
@@ -79,35 +105,7 @@ def _lay_out(label: str, data: bytes, stated: Stated) -> list[SensorTable]:
     if table.layout.numbered:
         expected = "a line of names, such as frequency [Hz], force [N], tip [g], tip phase [deg]"
         raise InputError(f"{label}: the table has no header", expected=expected)
-    return _split_levels(_make_table(label, table, stated), table.line)
-
-
-def _split_levels(table: SensorTable, line: int | None = None) -> list[SensorTable]:
-    """A table for each level that the names of columns hold (``levels.find_levels``), else the table."""
-    by_level = find_levels(table.headers, line)
-    return [_take_level(table, f"{level:g} {text}", of) for (level, text), of in by_level.items()] or [table]
-
-
-def _take_level(table: SensorTable, label: str, columns: Mapping[int, ColumnHeader]) -> SensorTable:
-    places = sorted(columns)
-
-    def read(rows: Mapping[str, int], others: Sequence[int]) -> tuple[dict[int, Samples], Sequence[str] | None]:
-        values, labels = table.read({role: places[k] for role, k in rows.items()}, [places[k] for k in others])
-        return {k: values[place] for k, place in enumerate(places) if place in values}, labels
-
-    setting = {role: places.index(place) for role, place in table.setting.items() if place in columns}
-    headers, is_complex = tuple(columns[k] for k in places), tuple(table.is_complex[k] for k in places)
-    return SensorTable(label, headers, is_complex, setting, read)
-
-
-def _make_table(label: str, table: TextTable, stated: Stated) -> SensorTable:
-    def read(rows: Mapping[str, int], others: Sequence[int]) -> tuple[dict[int, Samples], Sequence[str] | None]:
-        roles = dict(rows) | {str(k): k for k in others if k not in rows.values()}
-        numbers, labels = table.read(roles)
-        return {roles[role]: values for role, values in numbers.items()}, labels
-
-    setting = find_setting(table.headers, stated.columns)
-    return SensorTable(label, table.headers, (False,) * len(table.headers), setting, read)
+    return SensorTable(label, table.headers, find_setting(table.headers, stated.columns), table).split_levels()
 
 
 def _list_array_tables(path: Path, kind: str, stated: Stated, max_size: int) -> list[SensorTable]:
@@ -162,7 +160,9 @@ def _read_group(
     sweeps, tables = list_members(names, contents.arrays), []
     for k, values in enumerate(sweeps, 1):
         columns = _split_sensors(list(zip(headers, values, strict=True)), _find_rows(names, stated))
-        tables += _split_levels(_join_arrays(label if len(sweeps) == 1 else f"{label} {k}", columns, stated))
+        of_sweep, own = tuple(header for header, _ in columns), label if len(sweeps) == 1 else f"{label} {k}"
+        setting = _find_rows([header.text for header in of_sweep], stated)
+        tables += SensorTable(own, of_sweep, setting, [array for _, array in columns]).split_levels()
     return tables
 
 
@@ -183,19 +183,6 @@ def _split_sensors(
             name = f"{header.name}(:,{k})" if across else f"{header.name}({k},:)"
             parts.append((replace(header, text=name, name=name, title=name), part))
     return parts
-
-
-def _join_arrays(label: str, columns: Sequence[tuple[ColumnHeader, Samples]], stated: Stated) -> SensorTable:
-    headers = tuple(header for header, _ in columns)
-
-    def read(rows: Mapping[str, int], others: Sequence[int]) -> tuple[dict[int, Samples], Sequence[str] | None]:
-        sweep = columns[rows["sweep"]][1].real.reshape(-1) if "sweep" in rows else None
-        n = max(columns[k][1].size for role, k in rows.items() if role != "sweep")
-        labels = None if sweep is None or len(sweep) != n else [f"{value:g}" for value in sweep]
-        return {k: columns[k][1] for k in (*rows.values(), *others)}, labels
-
-    is_complex = tuple(np.iscomplexobj(values) for _, values in columns)
-    return SensorTable(label, headers, is_complex, _find_rows([h.text for h in headers], stated), read)
 
 
 def list_reading_series(

@@ -11,9 +11,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, join_complex
 from damping.errors import AnalysisError, InputError
-from damping.formats.named import cartesian
 from damping.formats.series import Samples
 from damping.formats.uff_blocks import D_TO_E, FREQUENCY, DataSet
 from damping.records.keys import LARGEST, REQUIRED_COLUMNS, SMALLEST
@@ -52,7 +51,7 @@ def _ordinate(columns: FloatArray) -> Samples:
     """One column unchanged, two as complex numbers."""
     if columns.shape[1] == 1:
         return np.ascontiguousarray(columns[:, 0], dtype=np.float64)
-    return cartesian(columns[:, 0], columns[:, 1])
+    return join_complex(columns[:, 0], columns[:, 1])
 
 
 def _widths(entry: DataSet) -> tuple[int, ...]:

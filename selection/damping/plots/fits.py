@@ -1,6 +1,6 @@
 """Candidate laws with their weights and errors, posteriors as corner plots, predictive checks, deviations of a fit."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from textwrap import wrap
 from typing import Any, cast
 
@@ -102,15 +102,19 @@ def _wrap_name(law: str) -> list[str]:
 
 def _draw_weights(axes: Axes, table: pd.DataFrame, at: FloatArray, height: float) -> None:
     """Draw bars of a height at rows ``at``, which are already named."""
-    laws = table["law"].astype(str).tolist()
-    colours = [law_style(law).colour for law in laws]
-    hatches = ["///" if "viscous + " in law else "" for law in laws]
-    axes.barh(at, table["weight"], height, color=colours, hatch=hatches, edgecolor="white", linewidth=0.0)
+    draw_law_bars(axes, table["law"].astype(str).tolist(), table["weight"], at, height)
     for row, (weight, rank, physical) in zip(at, table[["weight", "rank", "physical"]].to_numpy(), strict=True):
         label = "not fitted" if pd.isna(rank) else "coefficient < 0" if not physical else format_share(weight)
         axes.annotate(label, (weight, row), (4, 0), **look.BESIDE)
     axes.set_xlim(0.0, max(0.05, 1.3 * table["weight"].max()))
     axes.set_xlabel("weight (probability)")
+
+
+def draw_law_bars(axes: Axes, laws: Sequence[str], lengths: pd.Series, at: FloatArray, height: float = 0.8) -> None:
+    """Draw a bar for each law in its colour, hatched where viscous damping stands beside another force."""
+    colours = [law_style(law).colour for law in laws]
+    hatches = ["///" if "viscous + " in law else "" for law in laws]
+    axes.barh(at, lengths, height, color=colours, hatch=hatches, edgecolor="white", linewidth=0.0)
 
 
 def _draw_errors(axes: Axes, table: pd.DataFrame) -> None:

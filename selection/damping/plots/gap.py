@@ -139,7 +139,7 @@ def gap_local(estimates: pd.DataFrame, curves: pd.DataFrame, length: str) -> Fig
         for number, (sweep, rows) in enumerate(estimates.groupby("sweep", sort=False)):
             ax.errorbar(
                 rows["amplitude"], rows[quantity], rows[f"{quantity}_sd"], fmt=_MARKS[number % len(_MARKS)],
-                markersize=3, linewidth=0.8, color="#1f2328", markerfacecolor="white", label=f"sweep {sweep}",
+                markersize=3, linewidth=0.8, color=look.MEASURED, markerfacecolor="white", label=f"sweep {sweep}",
             )  # fmt: skip
         if estimates["amplitude"].max() > _WIDE * estimates["amplitude"].min():
             ax.set_xscale("log")

@@ -144,6 +144,11 @@ class Coefficient:
     low: float
     high: float
 
+    @property
+    def parameter(self) -> str:
+        """The parameter as :meth:`Coordinates.parameters` names it."""
+        return f"{self.force} {self.shape}".strip()
+
 
 def tabulate_coefficients(coordinates: Coordinates, x: FloatArray) -> tuple[Coefficient, ...]:
     """Posterior median, standard deviation and interval of each parameter but discrepancy and scatters, of draws x."""
@@ -161,5 +166,5 @@ def tabulate_coefficients(coordinates: Coordinates, x: FloatArray) -> tuple[Coef
 def describe_tails(coefficients: Sequence[Coefficient]) -> list[str]:
     """Cautions about coefficients whose standard deviation is far above that of their interval."""
     width = 2.0 * float(ndtri(0.5 * (1.0 + INTERVAL)))
-    long = [f"{c.force} {c.shape}".strip() for c in coefficients if width * c.std_error > LONG_TAIL * (c.high - c.low)]
+    long = [c.parameter for c in coefficients if width * c.std_error > LONG_TAIL * (c.high - c.low)]
     return [f"a few extreme draws dominate the standard error of {name}: use its interval" for name in long]

@@ -89,7 +89,7 @@ class Audit:
 
     def list_findings(self) -> list[dict[str, Any]]:
         """The findings as JSON values."""
-        return [{**asdict(finding), "sweeps": list(finding.sweeps)} for finding in self.findings]
+        return [finding.to_json() for finding in self.findings]
 
     def to_json(self) -> dict[str, Any]:
         """The form ``audit/1``; ``implied`` is an extra key."""

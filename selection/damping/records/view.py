@@ -1,9 +1,10 @@
 """Input of the checks of the audit: a record, its mode, and the quantities that its rows imply, each computed once."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from math import pi
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -51,6 +52,10 @@ class Finding:
 
     def __str__(self) -> str:
         return f"{self.check} ({self.verdict}): {self.what}; {self.advice}"
+
+    def to_json(self) -> dict[str, Any]:
+        """A finding of the form ``audit/1``."""
+        return {**asdict(self), "sweeps": list(self.sweeps)}
 
 
 @dataclass(frozen=True)

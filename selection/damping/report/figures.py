@@ -209,7 +209,7 @@ def draw_design_loads(
 _DRAWN = ("force", "median", "low", "high", "credible_low", "credible_high", "linear")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Explorer(FigureBlock):
     """A figure of design loads with a slider for the force, from precomputed predictions."""
 
@@ -238,7 +238,8 @@ def build_loads_explorer(result: RecordResult, svgs: Svgs) -> dict[str, Block]:
     jumps = tuple((i, words.format_force_text(force[i], unit)) for i in sorted(positions))
     numbers = {name: [float(f"{x:.5g}") if np.isfinite(x) else None for x in table[name]] for name in _DRAWN}
     data = {**numbers, "texts": _write_texts(table, unit, length)}
-    return {stem: Explorer(svgs[stem], "", stem, f"{100 * result.bands.level:g} %", data, jumps)}
+    level = f"{100 * result.bands.level:g} %"
+    return {stem: Explorer(svgs[stem], name=stem, level=level, data=data, jumps=jumps)}
 
 
 def _write_texts(table: pd.DataFrame, force_unit: str, length_unit: str) -> dict[Hashable, list[str]]:

@@ -75,24 +75,24 @@ def _build_tables(diagnosis: Diagnosis, posterior: EffectPosterior | None) -> di
     explanations = tabulate_hypotheses(diagnosis).drop(columns="listed")
     tables = {
         "cells": _tabulate_cells(diagnosis.where),
-        "explanations": Table(explanations, "", {"probability": words.format_share}),
-        "parameters": Table(_tabulate_parameters(diagnosis), ""),
+        "explanations": Table(explanations, {"probability": words.format_share}),
+        "parameters": Table(_tabulate_parameters(diagnosis)),
         "tests": replace(_tabulate(diagnosis.tests), headings={"gain": "chi-square", "freedom": "degrees of freedom"}),
     }
     if diagnosis.footprint:
         tables["marks"] = _tabulate_cells(diagnosis.footprint)
     if posterior is not None:
-        tables["posterior"] = Table(tabulate_posterior(posterior, diagnosis.units), "")
+        tables["posterior"] = Table(tabulate_posterior(posterior, diagnosis.units))
     if diagnosis.held_out is not None:
-        tables["levels"] = Table(_tabulate_folds(diagnosis.held_out.folds), "")
+        tables["levels"] = Table(_tabulate_folds(diagnosis.held_out.folds))
     if diagnosis.next_tests:
         candidates = _tabulate(diagnosis.next_tests).frame  # the text above says how to run the first
-        tables["candidates"] = Table(candidates[["what", "why", "expected_log_odds", "probability"]], "")
+        tables["candidates"] = Table(candidates[["what", "why", "expected_log_odds", "probability"]])
     return tables
 
 
 def _tabulate(rows: Sequence[Any]) -> Table:
-    return Table(pd.DataFrame([asdict(row) for row in rows]), "")
+    return Table(pd.DataFrame([asdict(row) for row in rows]))
 
 
 def _tabulate_cells(cells: Sequence[Any]) -> Table:

@@ -90,7 +90,7 @@ class FigureBlock(Block):
     """A figure of ``to_svg``, with its text alternative and escaped texts, and a caption."""
 
     svg: str
-    caption: str
+    caption: str = ""  #: given here, or by the directive that places it
 
     @property
     def share(self) -> float:
@@ -135,9 +135,9 @@ class Table(Block):
     """A table."""
 
     frame: pd.DataFrame
-    caption: str
     formats: Mapping[str, Format] = field(default_factory=dict)  #: by column, optional
     headings: Mapping[str, str] = field(default_factory=dict)  #: by column, optional
+    caption: str = ""  #: given here, or by the directive that places it
     key: str = ""  #: names its CSV file, where it has one
 
     @property

@@ -41,7 +41,7 @@ def build_screens(study: StudyResult, svgs: Svgs) -> list[Section]:
     """The screens for which there are results; ``svgs``: figures by file."""
     records = [_describe_record(result, svgs) for result in study.records]
     asked = [result for result in study.records if result.design is not None]
-    parts: dict[str, Block] = {name: FigureBlock(svg, "") for name, svg in svgs.items()}
+    parts: dict[str, Block] = {name: FigureBlock(svg) for name, svg in svgs.items()}
     parts["answers"] = _tabulate_answers(study)
     for result in study.records:
         parts[f"{result.name}-laws"] = _tabulate_laws(result)
@@ -149,7 +149,7 @@ def _tabulate_answers(study: StudyResult) -> Table:
                 "at the design load": f"{load['median']} ({load['band']}) at {load['force']}" if load else none,
             }
         )
-    return Table(pd.DataFrame(rows), "")
+    return Table(pd.DataFrame(rows))
 
 
 def _list_gravest(result: RecordResult) -> list[str]:
@@ -182,7 +182,7 @@ def _tabulate_laws(result: RecordResult) -> Table:
         }
         for law in _list_shown_laws(result)
     )
-    return Table(table, "", key=result.stem("ranking"))
+    return Table(table, key=result.stem("ranking"))
 
 
 def _tabulate_loads(result: RecordResult, design: Loads) -> dict[str, Table]:
@@ -193,6 +193,6 @@ def _tabulate_loads(result: RecordResult, design: Loads) -> dict[str, Table]:
     predicted = tables.tabulate_design(design, result.design_curve, result.mode.units)
     spread = pd.DataFrame({"force": predicted["force"], **{part: design.parts[part] for part in PART_NAMES}})
     return {
-        f"{result.name}-design": Table(predicted, "", {"times tested": words.number}, headings, key=key),
-        f"{result.name}-parts": Table(spread, "", formats, of_parts),
+        f"{result.name}-design": Table(predicted, {"times tested": words.number}, headings, key=key),
+        f"{result.name}-parts": Table(spread, formats, of_parts),
     }

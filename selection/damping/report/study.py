@@ -75,18 +75,18 @@ def _build_parts(result: RecordResult, svgs: Svgs) -> list[Block]:
     notes = list(dict.fromkeys(caution for law in result.ranking.candidates for caution in law.cautions))
     observations, checks = tables.tabulate_observations(result), tables.tabulate_checks(result)
     points = observations[["sweep", "point", "frequency", "amplitude", "damping_force", "energy"]]
-    shown = {"levels": Table(forms.tabulate_tested(result.data), ""), "observations": Table(points[:MOST_POINTS], "")}
+    shown = {"levels": Table(forms.tabulate_tested(result.data)), "observations": Table(points[:MOST_POINTS])}
     shown |= _tabulate_laws(result, notes)
     if result.posteriors:
         shown |= _tabulate_posteriors(result, checks)
     if design:
-        shown["design_loads_by_model"] = Table(tables.tabulate_by_model(design, result.mode.units.force), "")
+        shown["design_loads_by_model"] = Table(tables.tabulate_by_model(design, result.mode.units.force))
 
     parts: dict[str, Block] = {
         name: replace(table, key="" if name == "levels" else result.stem(name)) for name, table in shown.items()
     }
     stems = {f"{name}-figure": result.stem(name) for name in ("ranking", "corner", "predictive_check")}
-    parts |= {name: page.FigureBlock(svgs[stem], "") for name, stem in stems.items() if stem in svgs}
+    parts |= {name: page.FigureBlock(svgs[stem]) for name, stem in stems.items() if stem in svgs}
     parts["notes"] = page.List(notes, numbered=True)
     units = result.mode.units
     mass_unit = (
@@ -119,8 +119,8 @@ def _tabulate_laws(result: RecordResult, notes: list[str]) -> dict[str, Table]:
     deviations = _tabulate_deviations(result)
     return {
         "ranking": list_laws(ranking),
-        "coefficients": Table(tables.tabulate_coefficients(result), "", dict.fromkeys(numbers, words.number), ends),
-        "deviations": Table(deviations, "", dict.fromkeys(map(str, deviations.columns[1:]), words.format_percent)),
+        "coefficients": Table(tables.tabulate_coefficients(result), dict.fromkeys(numbers, words.number), ends),
+        "deviations": Table(deviations, dict.fromkeys(map(str, deviations.columns[1:]), words.format_percent)),
     }
 
 
@@ -129,7 +129,7 @@ def list_laws(ranking: pd.DataFrame) -> Table:
     names = {"score": "−2 ln Zπ", "held_out_error": "held-out error (%)", "average_absolute_percent": "mean |%|"}
     formats: dict[str, page.Format] = {"weight": words.format_share, "score": partial(words.format_decimals, digits=1)}
     formats |= dict.fromkeys(("held_out_error", "average_absolute_percent"), words.format_percent)
-    return Table(ranking, "", formats, names)
+    return Table(ranking, formats, names)
 
 
 def _tabulate_deviations(result: RecordResult) -> pd.DataFrame:
@@ -157,9 +157,9 @@ def _tabulate_posteriors(result: RecordResult, checks: pd.DataFrame) -> dict[str
     symbols = {"r_hat": "R-hat", "lengths": "length / τ", "autocorrelation": "τ (steps)"}
     shown = checks.assign(chain=chain)[columns]
     return {
-        "checks": Table(shown, "", formats, names | {"predictive_p_value": "predictive p"}),
-        "posteriors": Table(intervals, "", numbers),
-        "convergence": Table(convergence, "", lengths, symbols),
+        "checks": Table(shown, formats, names | {"predictive_p_value": "predictive p"}),
+        "posteriors": Table(intervals, numbers),
+        "convergence": Table(convergence, lengths, symbols),
     }
 
 
@@ -193,4 +193,4 @@ def _tabulate_forces(study: StudyResult) -> Table:
         }
         for part in map(component, dict.fromkeys(names))
     )
-    return Table(table, "")
+    return Table(table)

@@ -52,8 +52,8 @@ def tabulate_coefficients(result: RecordResult) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "law": candidate.name,
-            "parameter": f"{c.force} {c.shape}".strip(),
-            "unit": words.format_parameter_unit(f"{c.force} {c.shape}".strip(), result.mode.units),
+            "parameter": c.parameter,
+            "unit": words.format_parameter_unit(c.parameter, result.mode.units),
             "value": c.value,
             "std_error": c.std_error,
             "t_ratio": c.t_ratio,
@@ -218,9 +218,10 @@ def tabulate_deviations(result: RecordResult) -> pd.DataFrame:
 
 def describe_coefficients(candidate: Candidate, units: Units) -> str:
     """Posterior medians of every parameter of a law in one line, with units if known."""
-    named = ((f"{c.force} {c.shape}".strip(), c.value) for c in candidate.coefficients)
-    texts = ((name, words.format_quantity(value, words.format_parameter_unit(name, units))) for name, value in named)
-    return "; ".join(f"{name} {text}" for name, text in texts)
+    return "; ".join(
+        f"{c.parameter} {words.format_quantity(c.value, words.format_parameter_unit(c.parameter, units))}"
+        for c in candidate.coefficients
+    )
 
 
 def tabulate_design(design: Loads, curve: Curve | None, units: Units) -> pd.DataFrame:
