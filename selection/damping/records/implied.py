@@ -47,7 +47,7 @@ def find_implied(run: Run) -> Implied | None:
     # a mass added in every row counts as part of the structure: an offset turns the phasors of both
     added = float(run.added[0]) if np.ptp(run.added) == 0.0 else 0.0
     run = replace(run, added=run.added - added)
-    line, miss = _fit_line(run)
+    line, miss = fit_line(run)
     pairs = _estimate_mass_of_pairs(run)
     mass, scatter, damping = (line, 1.0, 0.0) if pairs is None else pairs
     structure_share = max(1.0 - added / max(abs(mass), 1e-300), LEAST_OF_MASS)
@@ -59,7 +59,7 @@ def find_implied(run: Run) -> Implied | None:
     return Implied(structure_share * mass, scatter / structure_share, damping, mean / error, miss, pairs is not None)
 
 
-def _fit_line(run: Run) -> tuple[complex, float]:
+def fit_line(run: Run) -> tuple[complex, float]:
     """-slope of Y against omega^2, by least squares relative to |Y|, and the median misfit relative to |Y|."""
     x = run.omega**2 / np.mean(run.omega**2)
     weight = run.A / run.F
@@ -67,17 +67,6 @@ def _fit_line(run: Run) -> tuple[complex, float]:
     values = np.linalg.lstsq(design.astype(complex), run.stiffness * weight)[0]
     miss = float(np.median(np.abs(run.stiffness * weight - design @ values)))
     return complex(-values[1] / np.mean(run.omega**2)), miss
-
-
-_RESIDUALS = np.linspace(-0.9, 0.9, 37)  #: trial compliances of other modes, over the largest of the run
-
-
-def measure_miss_beside_modes(run: Run) -> float:
-    """The least median misfit of Y by a straight line if other modes add a compliance R: 1/Y - R in place of 1/Y."""
-    assert run.phase is not None
-    compliance = run.A / run.F * np.exp(-1j * run.phase)
-    of_mode = [compliance - share * np.abs(compliance).max() for share in _RESIDUALS]
-    return min(_fit_line(replace(run, A=run.F * np.abs(H), phase=-np.angle(H)))[1] for H in of_mode)
 
 
 def _estimate_mass_of_pairs(run: Run) -> tuple[complex, float, float] | None:
@@ -160,7 +149,7 @@ def is_in_turns(run: Run) -> bool:
     assert run.phase is not None
     if np.abs(run.phase).max() > 1.0 or not has_resonance(run, None):
         return False
-    return _fit_line(replace(run, phase=2.0 * pi * run.phase))[1] < _fit_line(run)[1]
+    return fit_line(replace(run, phase=2.0 * pi * run.phase))[1] < fit_line(run)[1]
 
 
 def is_incoherent(run: Run, turn: Implied) -> bool:
