@@ -48,11 +48,14 @@ def list_states(scales: Scales) -> range:
     return range(1, scales.states + 1) if 1 < scales.states < scales.sweeps else range(0)
 
 
+LARGEST_LAG = 1.0  #: rad, of all phases at resonance: a larger one belongs to another quantity, as that of a velocity
+
+
 def lag_forms(scales: Scales) -> tuple[Form, ...]:
-    """Strength: |lag|, at most 1 rad, of all phases or of those of one state of several."""
-    every = PHASE_LAG.either_sign(lambda lag: {"lag": lag}, largest=1.0)
+    """Strength: |lag|, at most ``LARGEST_LAG``, of all phases or of those of one state of several."""
+    every = PHASE_LAG.either_sign(lambda lag: {"lag": lag}, largest=LARGEST_LAG)
     sides = (
-        PHASE_LAG.either_sign(lambda lag, k=k: {"lag": lag, "state": float(k)}, f"of state {k}", largest=1.0)
+        PHASE_LAG.either_sign(lambda lag, k=k: {"lag": lag, "state": float(k)}, f"of state {k}", largest=LARGEST_LAG)
         for k in list_states(scales)
     )
     return (*every, *chain.from_iterable(sides))
@@ -80,8 +83,8 @@ TIME_DELAY: Effect = Effect(
     name="time-delay",
     kind="instrument",
     sentence="the phases are off in proportion to frequency (a delay)",
-    # strength: the lag at omega_n, at most 1 rad
-    forms=lambda scales: TIME_DELAY.either_sign(lambda lag: {"delay": lag / scales.omega_n}, largest=1.0),
+    # strength: the lag at omega_n
+    forms=lambda scales: TIME_DELAY.either_sign(lambda lag: {"delay": lag / scales.omega_n}, largest=LARGEST_LAG),
     simulate=lambda terms, table: terms.plus(offset=lambda drive: -1j * drive.omega * table["delay"]),
     shapes=(Shape("delay", TIME),),
     need="phase",

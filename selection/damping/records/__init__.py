@@ -27,8 +27,6 @@ NAMES = (
     "repeated-sweep", "mixed-levels", "sweep-rate", "beyond-model", "level-offset",
     "sensor-saturation",
 )  # fmt: skip
-#: Findings whose refusal does not stop a diagnosis: laws cannot be ranked on such a record, but it can name the effect.
-DIAGNOSED = ("level-offset",)
 #: Findings that noise or exchanged columns explain: all but copies.
 _EVERYTHING = tuple(name for name in NAMES if name not in ("repeated-sweep", "mixed-levels"))
 _OF_LEVELS = ("amplitude-falls", "level-offset", "sensor-saturation")
@@ -99,11 +97,11 @@ class Audit:
     def require(self, despite: Collection[str] = (), *, diagnosed: bool = False) -> Audit:
         """The audit, unless a finding outside ``despite`` refuses the record: then Refused is raised.
 
-        ``diagnosed``: findings in `DIAGNOSED` do not refuse. InputError: a name in ``despite`` is not a check.
+        ``diagnosed``: findings that a diagnosis names do not refuse. InputError: a name in ``despite`` is not a check.
         """
         require_checks(despite)
         for finding in self.findings:
-            passed = finding.check in despite or (diagnosed and finding.check in DIAGNOSED)
+            passed = finding.check in despite or (diagnosed and finding.named)
             if finding.verdict == "refuse" and not passed:
                 others = ", ".join(other.check for other in self.findings if other is not finding)
                 more = f" (damping check also finds {others})" if others else ""

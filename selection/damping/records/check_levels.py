@@ -10,7 +10,7 @@ from damping.arrays import BoolArray, FloatArray
 from damping.forces import component
 from damping.records.check_units import SMALL_RATIO, describe_unusual_ratio, name_factor, name_unit
 from damping.records.mode import Mode
-from damping.records.view import SURE, Finding, Leg, View, name_sweeps, take_median
+from damping.records.view import Finding, Leg, NamedFinding, View, name_sweeps, take_median
 
 FORCE_STEP = 1.1  #: levels are compared if their forces differ by this factor
 FALLEN = 0.87  #: a resonant amplitude falls if it is below this share of that at a lower force
@@ -63,8 +63,10 @@ def check_levels(view: View) -> Finding | None:
     what, advice = "; ".join(what for what, _ in reports), reports[-1][1]
     sweeps = tuple(level.sweep for level in odd) or tuple(table["sweep"].iloc[sorted(pair or ())])
     hopeless = certain or max((abs(log(level.factor)) for level in odd), default=0.0) > log(HOPELESS)
-    check = "amplitude-falls" if pair is not None else "level-offset"
-    return Finding(check, "refuse" if hopeless else "caution", what, advice, sweeps)
+    verdict = "refuse" if hopeless else "caution"
+    if pair is None:
+        return NamedFinding("level-offset", verdict, what, advice, sweeps)
+    return Finding("amplitude-falls", verdict, what, advice, sweeps)
 
 
 def _find_fall(table: pd.DataFrame, odd: set[str]) -> tuple[tuple[int, int] | None, bool]:
@@ -145,13 +147,9 @@ def find_odd_masses(view: View, table: pd.DataFrame) -> list[OddMass]:
 
 
 def _is_known(leg: Leg) -> bool:
-    """Whether a run's mass may be compared: the resonance is not bent, and its rows lie on a line in Y.
-
-    Readings near the resolution of an instrument are not on a line: the smaller they are, the smaller the mass.
-    """
+    """Whether a run's mass may be compared: the resonance is not bent, and its rows lie on a line in Y."""
     mass, straight = leg.mass
-    on_line = leg.turn is None or leg.lag is None or leg.turn.miss < SURE
-    return bool(np.isfinite(mass) and mass > 0.0 and straight and on_line)
+    return bool(np.isfinite(mass) and mass > 0.0 and straight and leg.on_line)
 
 
 def compare_masses(view: View, table: pd.DataFrame) -> FloatArray:

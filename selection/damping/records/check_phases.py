@@ -4,8 +4,9 @@ from math import pi
 
 import numpy as np
 
+from damping.effects.rig import LARGEST_LAG
 from damping.records.implied import is_in_turns
-from damping.records.view import Finding, View, label_sweeps, name_sweeps
+from damping.records.view import Finding, NamedFinding, View, label_sweeps, name_sweeps
 
 
 def check_phase_unit(view: View) -> Finding | None:
@@ -57,7 +58,11 @@ DRAGGED_PER_RATE = 2.0 / pi
 
 
 def check_phase_offset(view: View) -> Finding | None:
-    """A constant offset of all phases: they are not pi/2 at the resonance that pairs of equal amplitude imply."""
+    """A constant offset of all phases: they are not pi/2 at the resonance that pairs of equal amplitude imply.
+
+    A diagnosis names one up to ``LARGEST_LAG``, within the accuracy of a phase meter; a larger one is another quantity,
+    such as the phase of a velocity.
+    """
     turns = [(run, turn) for run, turn in view.turns if turn and turn.both_sides]
     turns = [(run, turn) for run, turn in turns if run.sweep not in view.wrong_sign]
     if not turns:
@@ -78,4 +83,5 @@ def check_phase_offset(view: View) -> Finding | None:
     taken = f"{'take' if middle > 0.0 else 'add'} {abs(middle):.3f} {'off' if middle > 0.0 else 'to'} the column phase"
     before = f"before it is conditioned: lag = {middle:.3f} rad in [node], in the unit of the phase there"
     advice = f"correct the delay of the channels ({taken}; {before}), or look for a second mode beside"
-    return Finding("phase-offset", "refuse" if far else "caution", what, advice, sweeps)
+    kind = NamedFinding if abs(middle) < LARGEST_LAG + OFFSET else Finding
+    return kind("phase-offset", "refuse" if far else "caution", what, advice, sweeps)

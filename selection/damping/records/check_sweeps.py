@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
-from damping.records.implied import INCOHERENT, NEAR, SMOOTH, measure_miss_beside_modes
+from damping.records.implied import INCOHERENT, NEAR, SMOOTH
+from damping.records.other_modes import is_of_other_modes
 from damping.records.outliers import WILD
 from damping.records.resonance import find_jump
 from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_run_peaks, order_rows
@@ -186,7 +187,7 @@ def check_sweep_rate(view: View) -> Finding | None:
         for run, turn in view.turns
         if turn and turn.both_sides and DRAGGED < abs(turn.offset) < OPPOSED and CURVED < turn.miss < INCOHERENT
     ]
-    turned = label_sweeps(run for run, turn in curved if measure_miss_beside_modes(run) > OF_OTHER_MODES * turn.miss)
+    turned = label_sweeps(run for run, turn in curved if not is_of_other_modes(run, turn.miss))
     ringing = {sweep: count for sweep, count in beats.items() if count or sweep in turned}
     if len(ringing) < 0.5 * len(view.record.sweeps):
         return None
@@ -202,9 +203,6 @@ def check_sweep_rate(view: View) -> Finding | None:
 DRAGGED = 0.5  #: phase offset, rad, that together with ``CURVED`` only a sweep faster than the mode can follow has
 OPPOSED = 0.75 * pi  #: phase offset, rad, from which a phase is of opposite sign rather than late
 CURVED = 0.25  #: misfit of Y by a straight line, relative to |Y|, together with that offset
-#: If other modes cause that misfit, allowing for them leaves at most this share of it; of a fast sweep's misfit it
-#: leaves three fifths.
-OF_OTHER_MODES = 0.3
 
 
 #: Least ratio of the forces of two levels; within a level, forces differ by less than half that gap (in the logarithm).

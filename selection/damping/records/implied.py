@@ -47,7 +47,7 @@ def find_implied(run: Run) -> Implied | None:
     # a mass added in every row counts as part of the structure: an offset turns the phasors of both
     added = float(run.added[0]) if np.ptp(run.added) == 0.0 else 0.0
     run = replace(run, added=run.added - added)
-    line, miss = _fit_line(run)
+    line, miss = fit_line(run)
     pairs = _estimate_mass_of_pairs(run)
     mass, scatter, damping = (line, 1.0, 0.0) if pairs is None else pairs
     structure_share = max(1.0 - added / max(abs(mass), 1e-300), LEAST_OF_MASS)
@@ -59,7 +59,7 @@ def find_implied(run: Run) -> Implied | None:
     return Implied(structure_share * mass, scatter / structure_share, damping, mean / error, miss, pairs is not None)
 
 
-def _fit_line(run: Run) -> tuple[complex, float]:
+def fit_line(run: Run) -> tuple[complex, float]:
     """-slope of Y against omega^2, by least squares relative to |Y|, and the median misfit relative to |Y|."""
     x = run.omega**2 / np.mean(run.omega**2)
     weight = run.A / run.F
@@ -67,17 +67,6 @@ def _fit_line(run: Run) -> tuple[complex, float]:
     values = np.linalg.lstsq(design.astype(complex), run.stiffness * weight)[0]
     miss = float(np.median(np.abs(run.stiffness * weight - design @ values)))
     return complex(-values[1] / np.mean(run.omega**2)), miss
-
-
-_RESIDUALS = np.linspace(-0.9, 0.9, 37)  #: trial compliances of other modes, over the largest of the run
-
-
-def measure_miss_beside_modes(run: Run) -> float:
-    """The least median misfit of Y by a straight line if other modes add a compliance R: 1/Y - R in place of 1/Y."""
-    assert run.phase is not None
-    compliance = run.A / run.F * np.exp(-1j * run.phase)
-    of_mode = [compliance - share * np.abs(compliance).max() for share in _RESIDUALS]
-    return min(_fit_line(replace(run, A=run.F * np.abs(H), phase=-np.angle(H)))[1] for H in of_mode)
 
 
 def _estimate_mass_of_pairs(run: Run) -> tuple[complex, float, float] | None:
@@ -128,24 +117,29 @@ def estimate_mass_without_phase(run: Run) -> tuple[float, bool] | None:
 _REWEIGHED = 6
 
 
+def fit_ratio(x: FloatArray, values: FloatArray | ComplexArray) -> tuple[FloatArray | ComplexArray, float]:
+    """Ratio (a x^2 + b x + c)/(x^2 + d x + e) fitted to ``values``: (a, b, c, d, e), and the median relative misfit."""
+    weight = 1.0 / np.abs(values)
+    columns = np.column_stack([x * x, x, np.ones_like(x), -values * x, -values])
+    for _ in range(_REWEIGHED):
+        size = np.linalg.norm(columns * weight[:, np.newaxis], axis=0)
+        scaled = columns * (weight[:, np.newaxis] / size)
+        ratio = np.linalg.lstsq(scaled, values * x * x * weight)[0] / size
+        below = x * x + ratio[3] * x + ratio[4]
+        weight = 1.0 / np.maximum(np.abs(values * below), 1e-300)
+    return ratio, float(np.median(np.abs(np.polyval(ratio[:3], x) / (below * values) - 1.0)))
+
+
 def _fit_residual(x: FloatArray, squared: FloatArray) -> tuple[float, float] | None:
     """Mass (times omega^2 = 1) from |R + 1/Y|^2 = ``squared``, and the median misfit relative to ``squared``.
 
     With Y = M (a - x + i b) the square is R^2 ((x - d)^2 + b^2)/((x - a)^2 + b^2): the antiresonance d lies 1/(R M)
     from the resonance a, whatever the damping. None if the rows show no antiresonance.
     """
-    weight = 1.0 / squared
-    columns = np.column_stack([x * x, x, np.ones_like(x), -squared * x, -squared])
-    for _ in range(_REWEIGHED):
-        size = np.linalg.norm(columns * weight[:, np.newaxis], axis=0)
-        scaled = columns * (weight[:, np.newaxis] / size)
-        top2, top1, top0, low1, low0 = np.linalg.lstsq(scaled, squared * x * x * weight)[0] / size
-        below = x * x + low1 * x + low0
-        weight = 1.0 / (squared * np.maximum(np.abs(below), 1e-300))
+    (top2, top1, _, low1, _), miss = fit_ratio(x, squared)
     if top2 <= 0.0 or low1 == top1 / top2:
         return None
-    mass = 2.0 / (np.sqrt(top2) * abs(low1 - top1 / top2))
-    return float(mass), float(np.median(np.abs(np.polyval([top2, top1, top0], x) / (below * squared) - 1.0)))
+    return float(2.0 / (np.sqrt(top2) * abs(low1 - top1 / top2))), miss
 
 
 #: Median distance of Y from a straight line, over |Y|, above which phases are unrelated to amplitudes.
@@ -160,7 +154,7 @@ def is_in_turns(run: Run) -> bool:
     assert run.phase is not None
     if np.abs(run.phase).max() > 1.0 or not has_resonance(run, None):
         return False
-    return _fit_line(replace(run, phase=2.0 * pi * run.phase))[1] < _fit_line(run)[1]
+    return fit_line(replace(run, phase=2.0 * pi * run.phase))[1] < fit_line(run)[1]
 
 
 def is_incoherent(run: Run, turn: Implied) -> bool:

@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from math import pi
-from typing import Any
+from math import log, pi
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -50,12 +50,21 @@ class Finding:
     advice: str
     sweeps: tuple[str, ...] = ()
 
+    #: whether a diagnosis can name the cause: a refusal then stops the ranking of laws alone
+    named: ClassVar[bool] = False
+
     def __str__(self) -> str:
         return f"{self.check} ({self.verdict}): {self.what}; {self.advice}"
 
     def to_json(self) -> dict[str, Any]:
         """A finding of the form ``audit/1``."""
         return {**asdict(self), "sweeps": list(self.sweeps)}
+
+
+class NamedFinding(Finding):
+    """A finding whose cause is an effect of the library, of a size that a diagnosis fits."""
+
+    named: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)
@@ -73,6 +82,14 @@ class Leg:
     def resonant(self) -> bool:
         """Whether the run contains a resonance; a run of few rows is assumed to."""
         return len(self.run) < FEWEST_ROWS or has_resonance(self.run, self.lag)
+
+    @property
+    def on_line(self) -> bool:
+        """Whether Y of its rows lies on a line, as far as phases tell.
+
+        Readings near the resolution of an instrument do not: the smaller they are, the smaller the mass.
+        """
+        return self.turn is None or self.lag is None or self.turn.miss < SURE
 
     @cached_property
     def mass(self) -> tuple[float, bool]:
@@ -229,12 +246,20 @@ class View:
 
     @cached_property
     def mass_ratio(self) -> float:
-        """Mass that the rows imply over that of the mode (or of the column ``mass``); NaN if they imply none."""
+        """Mass that the rows imply over that of the mode (or of the column ``mass``); NaN if they imply none.
+
+        Runs whose rows lie on a line show it, the median of them. If there is none, it is the ratio nearest to 1: a
+        unit is that of every run, so that each shows its factor.
+        """
         if self.mode is None:
             return float("nan")
         stated = self.record.masses(self.mode.mass)
         base = self.mode.drive == "base"
-        return take_median(leg.mass[0] / (1.0 if base else np.median(stated[leg.run.rows])) for leg in self.legs)
+        known = [leg for leg in self.legs if leg.mass[0] > 0.0]
+        ratios = [leg.mass[0] / (1.0 if base else float(np.median(stated[leg.run.rows]))) for leg in known]
+        if any(leg.on_line for leg in known):
+            return take_median(ratio for leg, ratio in zip(known, ratios, strict=True) if leg.on_line)
+        return min(ratios, key=lambda ratio: abs(log(ratio)), default=float("nan"))
 
 
 def take_median(values: Iterable[float]) -> float:
