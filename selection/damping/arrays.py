@@ -79,6 +79,12 @@ def take_rows(whole: _Rows, rows: slice) -> _Rows:
     return cast(_Rows, part)
 
 
+def drop_repeats(rows: FloatArray) -> tuple[BoolArray, IntArray]:
+    """Which rows (n, ..) differ from the row before, and, for each row, the number of its own among these."""
+    new = np.append(True, (rows[1:] != rows[:-1]).any(axis=1))
+    return new, np.cumsum(new) - 1
+
+
 def wrap_lag(phase: FloatArray, least: float = -0.5 * pi) -> FloatArray:
     """The same angle from ``least`` on, by default in [-pi/2, 3 pi/2), where the noisy lag of a mode lies."""
     return phase - 2.0 * pi * np.floor((phase - least) / (2.0 * pi))

@@ -189,6 +189,19 @@ def test_many_joints_change_with_amplitude_as_they_say():
     np.testing.assert_allclose((S_next - S) / np.log(1.0001), in_phase_slope, rtol=0.0, atol=2e-3 * np.max(-S))
 
 
+def test_many_joints_of_a_batch_are_those_of_each():
+    """Neighbours that differ in nothing, stiffness, limit, kappa or amplitude alone; each by itself is the truth."""
+    stiffness, limit, kappa, size = np.array(
+        [(1, 1, 1, 1), (1, 1, 1, 1), (2, 1, 1, 1), (2, 3, 1, 1), (2, 3, 1.4, 1), (2, 3, 1.4, 2), (1, 3, 1.4, 2)], float
+    ).T[..., np.newaxis]
+    A, omega = size * np.geomspace(0.1, 10.0, 30), np.full(30, OMEGA)
+    every = joint_force({"stiffness": stiffness, "limit": limit, "kappa": kappa}).averages(A, omega)
+    for k in range(len(A)):
+        alone = joint_force({"stiffness": stiffness[k], "limit": limit[k], "kappa": kappa[k]}).averages(A[k], omega)
+        for own, of_each in zip(every, alone, strict=True):
+            np.testing.assert_allclose(own[k], of_each, rtol=1e-12, atol=1e-15)  # rounding of sums of eight
+
+
 def test_many_joints_of_a_frequency_each():
     """An amplitude for all of them, and the resonance under each of several forces with its own frequency."""
     force, omega = joint_force({"stiffness": 65.0, "limit": 0.3, "kappa": 1.4}), OMEGA * np.array([0.9, 1.0, 1.1])

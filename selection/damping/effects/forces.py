@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from damping.arrays import ComplexArray, FloatArray, Floats
+from damping.arrays import ComplexArray, FloatArray, Floats, drop_repeats
 from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
 from damping.effects.simulated import instead_form, less_forms
 from damping.forces.contract import Force, Joint, spread
@@ -122,13 +122,27 @@ class ManyJoints(SlippingForce):
 
     def averages(self, A: Floats, omega: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """C, dC/d ln A, S and dS/d ln A; dP/d ln A adds nothing, since a joint about to slip has C = 0 and S = 0."""
-        slipping, limit = self._find_slipping(A, omega)
-        held = np.minimum(limit / A, 1.0)
-        parts = (held, held * held, *lose_stiffness(held))  # per stiffness and amplitude, as `Slip.averages`
-        lost, grown, S, turned = (np.tensordot(_WEIGHTS, part, 1) for part in parts)
+        slipping, lost, grown, S, turned = self._average_unit(A, omega)
         size = self.stiffness * A * slipping
         saturation = spread(4.0 / np.pi * size, omega)
         return saturation * (lost - grown), saturation * grown, size * S, size * (S + turned)
+
+    def _average_unit(self, A: Floats, omega: Floats) -> tuple[FloatArray, ...]:
+        """The share of all joints that slips, and of these A1/A, its square and `lose_stiffness` on average.
+
+        Models that differ in other parameters are neighbours in a batch: each is averaged once.
+        """
+        rows = np.broadcast_arrays(A, self.limit, self.kappa)
+        if rows[0].ndim == 2 and len(rows[0]) > 1:
+            new, which = drop_repeats(np.hstack(rows))
+            once, limit, kappa = (part[new] for part in rows)
+            if len(once) < len(which):
+                own = replace(self, limit=limit, kappa=kappa)._average_unit(once, omega)
+                return tuple(part[which] for part in own)
+        slipping, limit = self._find_slipping(A, omega)
+        held = np.minimum(limit / A, 1.0)
+        parts = (held, held * held, *lose_stiffness(held))  # per stiffness and amplitude, as `Slip.averages`
+        return slipping, *(np.tensordot(_WEIGHTS, part, 1) for part in parts)
 
     def third(self, A: Floats, omega: Floats) -> ComplexArray:
         """The integral of their third harmonics: those of the slipping ones, along an axis before that of A."""

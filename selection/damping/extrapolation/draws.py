@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import gammaln
 
-from damping.arrays import BoolArray, FloatArray, IntArray, join_rows
+from damping.arrays import BoolArray, FloatArray, IntArray, drop_repeats, join_rows
 from damping.extrapolation.backbone import Backbone
 from damping.forces.contract import Force, Sum
 from damping.infer.discrepancy import (
@@ -140,8 +140,8 @@ def draw_member(
     tested, asked = (np.asarray(np.round(np.log(part), _DIGITS), float) for part in (data.tested_force, force))
     top = tested.max()
     within, steps = asked[asked <= top], top + place_steps(asked.max() - top)
-    new = np.append(True, (member.draws[1:] != member.draws[:-1]).any(axis=1))  # resampling repeats draws
-    draws, which = member.draws[new], np.cumsum(new) - 1
+    new, which = drop_repeats(member.draws)  # resampling repeats draws
+    draws = member.draws[new]
     parts = member.coordinates.find_parts(draws)
     damping = member.coordinates.join(parts, EACH_WITH_ROWS)
     of_law = np.log(member.solve(damping, np.exp(np.concatenate([asked, steps])), data))[which]

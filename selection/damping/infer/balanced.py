@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, drop_repeats
 from damping.infer.law import SCATTER_MEDIAN, TOTAL_LOG_SD, Coordinates, Part
 from damping.infer.likelihood import (
     REACH,
@@ -78,10 +78,10 @@ class Balanced:
 
     def find_points(self, z: FloatArray) -> FloatArray:
         """x at z, (points, dimension)."""
-        new = np.append(True, (z[1:] != z[:-1]).any(axis=1))  # resampled draws repeat
+        new, which = drop_repeats(z)  # resampled draws repeat
         x, s = self._find_best_totals(z[new])
         x[:, 0] += s * z[new, 0]
-        return np.asarray(x[np.cumsum(new) - 1])
+        return np.asarray(x[which])
 
     def find_variables(self, x: FloatArray) -> FloatArray:
         """z at x, (points, dimension)."""
