@@ -262,7 +262,7 @@ def marginalise_scatter(fit: ModelFit, unknown: Unknowns, least: float) -> Model
     for _ in range(_MOST_ROUNDS):
         evidences = list_evidences(fit, unknown) + unknown.log_prior
         likely = evidences
-        if len(unknown.noises) > 1:
+        if len(unknown.noises) > 1 and not fit.model.problem.rows.of_peaks:
             likely = max(evidences, list_evidences(fit, unknown, wild=False) + unknown.log_prior, key=np.max)
         best = unknown.scatter(int(np.argmax(likely)))
         if best == fit.model.scatter or float(logsumexp(likely)) < least:
