@@ -30,16 +30,19 @@ def solve_nonnegative_batch(columns: FloatArray, target: FloatArray) -> FloatArr
     product = columns.transpose(0, 2, 1) @ columns
     moment = (columns.transpose(0, 2, 1) @ target[..., None])[..., 0]
     best, most = np.zeros(moment.shape), np.zeros(len(moment))
+    every = np.arange(len(moment))
     for size in range(terms, 0, -1):
-        for chosen in combinations(range(terms), size):
-            among = list(chosen)
-            ridge = DEPENDENT * np.eye(size) * np.diagonal(product, axis1=1, axis2=2)[:, among, None]
-            fit = np.linalg.solve(product[:, np.array(among)[:, None], among] + ridge, moment[:, among, None])[..., 0]
-            explained = np.where((fit >= 0.0).all(axis=1), (fit * moment[:, among]).sum(axis=1), -np.inf)
-            better = explained > most
-            if size == terms and better.all():  # with coefficients >= 0 the full set is best
-                return np.asarray(fit, dtype=np.float64)
-            most = np.where(better, explained, most)
-            best[better] = 0.0
-            best[np.flatnonzero(better)[:, None], among] = fit[better]
+        subsets = np.array([*combinations(range(terms), size)])
+        within, moments = product[:, subsets[:, :, None], subsets[:, None]], moment[:, subsets]
+        ridge = DEPENDENT * np.eye(size) * np.diagonal(within, axis1=2, axis2=3)[..., None]
+        fits = np.linalg.solve(within + ridge, moments[..., None])[..., 0]
+        explained = np.where((fits >= 0.0).all(axis=2), (fits * moments).sum(axis=2), -np.inf)
+        first = explained.argmax(axis=1)
+        fit, reached = fits[every, first], explained[every, first]
+        better = reached > most
+        if size == terms and better.all():  # with coefficients >= 0 the full set is best
+            return np.asarray(fit, dtype=np.float64)
+        most = np.where(better, reached, most)
+        best[better] = 0.0
+        best[every[better, None], subsets[first[better]]] = fit[better]
     return best
