@@ -142,7 +142,7 @@ class ManyJoints(SlippingForce):
         slipping, limit = self._find_slipping(A, omega)
         held = np.minimum(limit / A, 1.0)
         parts = (held, held * held, *lose_stiffness(held))  # per stiffness and amplitude, as `Slip.averages`
-        return slipping, *(np.tensordot(_WEIGHTS, part, 1) for part in parts)
+        return np.asarray(slipping), *(np.tensordot(_WEIGHTS, part, 1) for part in parts)
 
     def third(self, A: Floats, omega: Floats) -> ComplexArray:
         """The integral of their third harmonics: those of the slipping ones, along an axis before that of A."""
