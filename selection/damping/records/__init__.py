@@ -125,7 +125,7 @@ class Audit:
 
 def require_checks(names: Collection[str]) -> None:
     """Raise InputError for a name that is not a check."""
-    if isinstance(names, str) or not isinstance(names, Collection):
+    if isinstance(names, str) or not (isinstance(names, Collection) and getattr(names, "ndim", 1) != 0):
         raise InputError(f"despite is {names!r}", expected="a list of names of checks")
     for name in names:
         if name not in NAMES:
