@@ -73,7 +73,8 @@ def test_forces_and_amplitudes_are_of_the_magnitudes_of_records(value):
             dp.curve(record, mode, [value])
         with pytest.raises(dp.InputError, match="of a magnitude of 1e-50 to 1e\\+50"):
             dp.extrapolate(record, mode, value)
-    assert check_loads([1e50, 1e-50], 0.9).tolist() == [1e50, 1e-50]
+        assert check_loads([1e50, 1e-50], 0.9).tolist() == [1e50, 1e-50]
+        assert check_loads(np.array([2.0, 3.0], dtype=np.float32), 0.9).tolist() == [2.0, 3.0]
 
 
 #: No text: comparing some is ambiguous, others have no hash, and an array without axes has no items.

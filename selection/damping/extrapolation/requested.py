@@ -19,7 +19,8 @@ def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = 
     """
     if _count_axes(forces) != 1 or len(forces) == 0:
         raise InputError(f"no list of {what}s", expected=f"{_AMPLITUDES[what]} > 0, or several")
-    for force in forces:
+    for given in forces:
+        force = given.item() if isinstance(given, np.generic) else given  # in single precision the bounds overflow
         if not (is_number(force) and SMALLEST <= force <= LARGEST):
             beyond = f", of a magnitude of {SMALLEST:g} to {LARGEST:g}" if is_number(force) and force > 0.0 else ""
             raise InputError(f"{what} {_quote(force)}", expected=f"{_AMPLITUDES[what]} > 0{beyond}")
