@@ -237,6 +237,12 @@ def test_states_are_read_once_whatever_holds_them(monkeypatch):
         dp.diagnose(record, mode, states=3)
 
 
+@pytest.mark.parametrize(("simulate", "said"), [(max, "tells no parameters"), (3, "is of type int")])
+def test_a_simulator_is_a_function_with_parameters(simulate, said):
+    with pytest.raises(dp.InputError, match=f"the simulator {said}; expected a function of force, frequency"):
+        dp.diagnose(dp.Record(TABLE), MODE, simulate=simulate)
+
+
 def test_forces_of_a_sweep_are_numbers():
     with pytest.raises(dp.InputError, match=r"force \[2.0, 3.0\]; expected positive numbers"):
         dp.sweep(dp.Mode(name="m", frequency=25.0, mass=0.04), force=[[2.0, 3.0]], frequency=[24.0, 26.0])
