@@ -87,7 +87,7 @@ def test_choices_are_texts(value):
         with pytest.raises(dp.InputError, match=r"no (selection|criterion) .*; expected one of"):
             dp.regress(TABLE, response="amplitude", terms="force", **{key: value})
     for key in ("direction", "method"):
-        with pytest.raises(dp.InputError, match=f"no {key} .*; expected one of"):
+        with pytest.raises(dp.InputError, match=f"{key} .* is unknown; expected"):
             dp.sweep(MODE, force=1.0, frequency=[24.0, 26.0], **{key: value})
 
 
@@ -107,9 +107,9 @@ def test_an_array_without_axes_is_no_list():
 )
 def test_what_looks_like_the_forces_of_a_sweep(value):
     """A date was taken for days since 1970, and a text for its number."""
-    with pytest.raises(dp.InputError, match="force is no number; expected"):
+    with pytest.raises(dp.InputError, match="force or frequency is no number; expected"):
         dp.sweep(MODE, force=value, frequency=[24.0, 26.0])
-    with pytest.raises(dp.InputError, match="frequency is no number; expected"):
+    with pytest.raises(dp.InputError, match="force or frequency is no number; expected"):
         dp.sweep(MODE, force=1.0, frequency=value)
 
 

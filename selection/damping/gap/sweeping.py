@@ -12,7 +12,7 @@ from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
 from damping.effects import CATALOGUE, find_effect, with_effects
 from damping.effects.contract import Drive, Terms
 from damping.effects.terms import Prediction, predict
-from damping.errors import AnalysisError, InputError, check_choice
+from damping.errors import AnalysisError, InputError
 from damping.forces import Force, Sum, from_damping
 from damping.gap.simulation import Simulation
 from damping.predict.branches import Branches, by_row, finely, followed, list_roots, sweep
@@ -87,7 +87,8 @@ def _check(forces: Sequence[float], frequencies: FloatArray, direction: str, met
     if not (frequencies[0] > 0.0 and np.all(np.diff(frequencies) > 0.0)):
         raise InputError("frequencies out of range", expected="0 < LO < HI in Hz, rising")
     for name, value, known in (("direction", direction, ("up", "down")), ("method", method, ("ritz", "time"))):
-        check_choice(value, known, f"no {name} {value!r}")
+        if not (isinstance(value, str) and value in known):
+            raise InputError(f"{name} {value!r} is unknown", expected=" or ".join(known))
 
 
 def simulated_force(mode: Mode) -> Force:
