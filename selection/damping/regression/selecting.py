@@ -226,7 +226,7 @@ class Choice:
                 expected=f"one of {', '.join(DIRECTIONS)}",
             )
         if not (is_number(self.t_stop) and np.isfinite(self.t_stop) and self.t_stop >= 0.0):
-            raise InputError(f"a T-ratio of {self.t_stop!r} to stop at", expected="a finite number >= 0")
+            raise InputError(f"a T-ratio of {self.t_stop} to stop at", expected="a finite number >= 0")
 
 
 def select(design: Design, choice: Choice) -> Selection:
