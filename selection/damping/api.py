@@ -7,11 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 import pandas as pd
 
 from damping.answers import CurveResult, LoadsResult, RankingResult
-from damping.arrays import FloatArray, Numbers, join_rows
+from damping.arrays import FloatArray, Numbers, join_rows, read_floats
 from damping.errors import InputError, check_flags, check_kind, check_seed
 from damping.extrapolation import predict_record
 from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predict_forces, trace_loads
@@ -185,8 +184,9 @@ def diagnose(
     check_seed(seed)
     check_flags(posterior=posterior, compare=compare)
     progress = watch(progress)
-    states = tuple(states) if isinstance(states, Iterable) else (states,)  # an iterator can be read once only
-    if not all(isinstance(pair, tuple | list) and len(pair) == 2 for pair in states):
+    none = not isinstance(states, Iterable) or getattr(states, "ndim", 1) == 0  # an array without axes has no items
+    states = () if none else tuple(states)  # an iterator can be read once only
+    if none or not all(isinstance(pair, tuple | list) and len(pair) == 2 for pair in states):
         raise InputError("states are no pairs", expected="(record, mode) of each state")
     findings = check(record, mode).require(despite, diagnosed=True)
     for state_record, state_mode in states:
@@ -291,11 +291,10 @@ def sweep(
 
     check_kind(mode, Mode, "mode")
     check_flags(structure=structure)
-    try:
-        levels, hertz = np.atleast_1d(np.asarray(force, dtype=float)).tolist(), np.asarray(frequency, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError("force or frequency is no number", expected="numbers, or lists of them") from None
+    levels, hertz = read_floats(force), read_floats(frequency)
+    if levels is None or hertz is None:
+        raise InputError("force or frequency is no number", expected="numbers, or lists of them")
     kept = list_lasting(mode.effects, of_rig=not structure)
-    swept = simulate_sweeps(replace(mode, effects=kept), levels, hertz, direction, method, watch(progress))
+    swept = simulate_sweeps(replace(mode, effects=kept), levels.tolist(), hertz, direction, method, watch(progress))
     left_out = tuple(name for name in mode.effects if name not in kept)
     return SweepResult(swept, mode.name, left_out, tuple(name for name in kept if name not in list_lasting(kept)))

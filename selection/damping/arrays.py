@@ -90,6 +90,21 @@ def wrap_lag(phase: FloatArray, least: float = -0.5 * pi) -> FloatArray:
     return phase - 2.0 * pi * np.floor((phase - least) / (2.0 * pi))
 
 
+def read_floats(values: object) -> FloatArray | None:
+    """A number, or an array or list of numbers, as an array of one axis or more; None if anything is no number."""
+    try:
+        array = np.atleast_1d(np.asarray(values))
+    except ValueError:  # lists of unlike lengths
+        return None
+    numbers = array.dtype.kind in "iuf" or all(map(is_number, array.flat))
+    return array.astype(np.float64) if numbers else None
+
+
+def is_number(value: object) -> bool:
+    """Whether a value is a real number: no truth value, text, complex number or date."""
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+
+
 def plain(value: Any) -> Any:
     """Nested plain Python data: numpy values converted, NaN and infinities replaced by ``None``."""
     if isinstance(value, Mapping):

@@ -75,6 +75,12 @@ def check_kind(value: object, kind: type, name: str) -> None:
         raise InputError(f"{name} is of type {type(value).__name__}", expected=f"{kind.__name__}")
 
 
+def check_choice(value: object, known: Iterable[str], message: str) -> None:
+    """Raise InputError with the ``message`` if ``value`` is not one of the ``known`` texts."""
+    if not (isinstance(value, str) and value in known):
+        raise InputError(message, expected=f"one of {', '.join(known)}")
+
+
 def check_seed(seed: object) -> None:
     """Raise InputError if ``seed`` is not a whole number >= 0."""
     if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:

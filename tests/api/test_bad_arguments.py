@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from matplotlib.figure import Figure
 
 import damping as dp
 from damping.answers import CurveResult, LoadsResult
-from damping.extrapolation.requested import check_loads
+from damping.extrapolation.requested import check_loads, list_asked
 from damping.plots.curves import damping_curve
 from damping.plots.fits import ranking, sweeps
 from damping_reed1970 import data_folder
@@ -21,6 +22,7 @@ FORCE = np.array([4.0, 8.0, 12.0, 18.0, 25.0])
 TABLE = pd.DataFrame(
     {"sweep": list("ABCDE"), "force": FORCE, "frequency": 25.0, "amplitude": 0.2 * (FORCE / 4.0) ** 0.76}
 )
+MODE = dp.Mode(name="m", frequency=25.0, mass=0.04, damping={"viscous": 1.0})
 
 
 @pytest.mark.parametrize(
@@ -29,6 +31,8 @@ TABLE = pd.DataFrame(
         ("amplitude", TABLE["amplitude"] * np.exp(1j), "column amplitude: holds complex values"),
         ("amplitude", (TABLE["amplitude"] * np.exp(1j)).astype(object), "column amplitude: holds complex values"),
         ("force", [True] * 5, "column force: holds boolean values"),
+        ("phase", pd.Series([1.5, 1.5, 1j, 1.5, 1.5], dtype=object), "column phase: holds complex values"),
+        ("added_mass", pd.Series([0.0, True, 2, "3", None], dtype=object), "column added_mass: holds boolean values"),
         ("time", pd.date_range("2020", periods=5), "column time: holds datetime64 values"),
         ("time", pd.to_timedelta(range(5), unit="s"), "column time: holds timedelta64 values"),
     ],
@@ -69,7 +73,57 @@ def test_forces_and_amplitudes_are_of_the_magnitudes_of_records(value):
             dp.curve(record, mode, [value])
         with pytest.raises(dp.InputError, match="of a magnitude of 1e-50 to 1e\\+50"):
             dp.extrapolate(record, mode, value)
-    assert check_loads([1e50, 1e-50], 0.9).tolist() == [1e50, 1e-50]
+        assert check_loads([1e50, 1e-50], 0.9).tolist() == [1e50, 1e-50]
+        assert check_loads(np.array([2.0, 3.0], dtype=np.float32), 0.9).tolist() == [2.0, 3.0]
+
+
+#: No text: comparing some is ambiguous, others have no hash, and an array without axes has no items.
+NO_NAMES = (["up"], {"up": 1}, np.array([]), np.array("up"), pd.DataFrame(), pd.NA, 3)
+
+
+@pytest.mark.parametrize("value", NO_NAMES, ids=repr)
+def test_choices_are_texts(value):
+    for key in ("select", "criterion"):
+        with pytest.raises(dp.InputError, match=r"no (selection|criterion) .*; expected one of"):
+            dp.regress(TABLE, response="amplitude", terms="force", **{key: value})
+    for key in ("direction", "method"):
+        with pytest.raises(dp.InputError, match=f"{key} .* is unknown; expected"):
+            dp.sweep(MODE, force=1.0, frequency=[24.0, 26.0], **{key: value})
+
+
+def test_an_array_without_axes_is_no_list():
+    record = dp.Record(TABLE)
+    with pytest.raises(dp.InputError, match="despite is array"):
+        dp.rank(record, despite=np.array("units"))
+    with pytest.raises(dp.InputError, match="states are no pairs"):
+        dp.diagnose(record, MODE, states=np.array(5))
+    assert list_asked(np.array(5.0), "force", 0.9).tolist() == [5.0]
+
+
+@pytest.mark.parametrize(
+    "value",
+    [True, "5", ["5", "6"], b"5", np.datetime64("2026"), Decimal(5), pd.NaT, 5 + 0j, [[1.0], [2.0, 3.0]], {"a": 1}],
+    ids=repr,
+)
+def test_what_looks_like_the_forces_of_a_sweep(value):
+    """A date was taken for days since 1970, and a text for its number."""
+    with pytest.raises(dp.InputError, match="force or frequency is no number; expected"):
+        dp.sweep(MODE, force=value, frequency=[24.0, 26.0])
+    with pytest.raises(dp.InputError, match="force or frequency is no number; expected"):
+        dp.sweep(MODE, force=1.0, frequency=value)
+
+
+def test_a_t_ratio_is_a_number():
+    for value in (True, "2", np.array([2.0])):
+        with pytest.raises(dp.InputError, match="to stop at; expected a finite number >= 0"):
+            dp.regress(TABLE, response="amplitude", terms="force, 1", select="backward", t_stop=value)
+
+
+def test_where_a_mode_is_from():
+    assert dp.Mode(name="m", frequency=25.0, mass=1.0, source=Path("a/b.toml")).source == "a/b.toml"
+    for source in (None, 3, np.array([])):
+        with pytest.raises(dp.InputError, match=r"source is of type .*; expected a text or a path"):
+            dp.Mode(name="m", frequency=25.0, mass=1.0, source=source)
 
 
 def test_lists_of_unlike_lengths_are_no_forces():
@@ -78,9 +132,6 @@ def test_lists_of_unlike_lengths_are_no_forces():
         for predict in (dp.extrapolate, dp.curve):
             with pytest.raises(dp.InputError, match=r"no list of (force|amplitude)s; expected an? "):
                 predict(record, mode, **asked)
-
-
-MODE = dp.Mode(name="m", frequency=25.0, mass=0.04, damping={"viscous": 1.0})
 
 
 @pytest.mark.parametrize(
@@ -168,8 +219,9 @@ def test_a_whole_number_beyond_any_float():
 
 
 def test_keys_of_a_mode_are_texts():
-    with pytest.raises(dp.InputError, match="column 3: unknown key in"):
-        dp.Mode(name="m", frequency=25.0, mass=0.04, damping={3: 1.0})
+    for key in (3, pd.NA):
+        with pytest.raises(dp.InputError, match=f"column {key}: unknown key in"):
+            dp.Mode(name="m", frequency=25.0, mass=0.04, damping={key: 1.0})
 
 
 def test_states_are_read_once_whatever_holds_them(monkeypatch):
@@ -183,6 +235,12 @@ def test_states_are_read_once_whatever_holds_them(monkeypatch):
     assert [list(states) for states in seen] == [[(record, mode)]] * 2
     with pytest.raises(dp.InputError, match="states are no pairs"):
         dp.diagnose(record, mode, states=3)
+
+
+@pytest.mark.parametrize(("simulate", "said"), [(max, "tells no parameters"), (3, "is of type int")])
+def test_a_simulator_is_a_function_with_parameters(simulate, said):
+    with pytest.raises(dp.InputError, match=f"the simulator {said}; expected a function of force, frequency"):
+        dp.diagnose(dp.Record(TABLE), MODE, simulate=simulate)
 
 
 def test_forces_of_a_sweep_are_numbers():

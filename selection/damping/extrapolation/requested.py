@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from damping.arrays import FloatArray, Numbers
+from damping.arrays import FloatArray, Numbers, is_number
 from damping.errors import InputError
 from damping.records.keys import LARGEST, SMALLEST
 
@@ -19,9 +19,10 @@ def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = 
     """
     if _count_axes(forces) != 1 or len(forces) == 0:
         raise InputError(f"no list of {what}s", expected=f"{_AMPLITUDES[what]} > 0, or several")
-    for force in forces:
-        if not (_is_number(force) and SMALLEST <= force <= LARGEST):
-            beyond = f", of a magnitude of {SMALLEST:g} to {LARGEST:g}" if _is_number(force) and force > 0.0 else ""
+    for given in forces:
+        force = given.item() if isinstance(given, np.generic) else given  # in single precision the bounds overflow
+        if not (is_number(force) and SMALLEST <= force <= LARGEST):
+            beyond = f", of a magnitude of {SMALLEST:g} to {LARGEST:g}" if is_number(force) and force > 0.0 else ""
             raise InputError(f"{what} {_quote(force)}", expected=f"{_AMPLITUDES[what]} > 0{beyond}")
     _check_level(level)
     return np.array(forces, dtype=float)
@@ -30,6 +31,8 @@ def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = 
 def list_asked(values: Numbers, what: str, level: float) -> FloatArray:
     """Any number of forces or amplitudes, as named by ``what``, or a single one; InputError as `check_loads`."""
     _check_level(level)
+    if isinstance(values, np.ndarray) and values.ndim == 0:
+        values = values.tolist()
     values = [values] if isinstance(values, int | float | np.number) else values
     return check_loads(values, level, what) if _count_axes(values) != 1 or len(values) else np.empty(0)
 
@@ -42,14 +45,10 @@ def _count_axes(values: Numbers) -> int:
 
 
 def _check_level(level: float) -> None:
-    if not (_is_number(level) and 0.0 < level < 1.0):
+    if not (is_number(level) and 0.0 < level < 1.0):
         raise InputError(f"level {_quote(level)}", expected="a probability between 0 and 1, such as 0.9")
 
 
 def _quote(value: object) -> str:
     """The value in a message; a text in quotes, since "5" is no number."""
     return repr(value) if isinstance(value, str) else f"{value}"
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)

@@ -185,8 +185,12 @@ class Simulator:
         if not callable(function):
             given = f"the simulator is of type {type(function).__name__}"
             raise InputError(given, expected="a function of force, frequency")
-        parameters = [p for p in signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY]
-        if len(signature(function).parameters) > len(parameters) + 2:
+        try:
+            every = signature(function).parameters.values()
+        except ValueError:  # some functions of Python itself tell none
+            raise InputError("the simulator tells no parameters", expected="a function of force, frequency") from None
+        parameters = [p for p in every if p.kind is p.KEYWORD_ONLY]
+        if len(every) > len(parameters) + 2:
             raise InputError(
                 "the simulator takes more than force and frequency by position",
                 expected="keyword-only parameters: def simulate(force, frequency, *, mass=(2.0, 0.05))",

@@ -87,7 +87,7 @@ def _check(forces: Sequence[float], frequencies: FloatArray, direction: str, met
     if not (frequencies[0] > 0.0 and np.all(np.diff(frequencies) > 0.0)):
         raise InputError("frequencies out of range", expected="0 < LO < HI in Hz, rising")
     for name, value, known in (("direction", direction, ("up", "down")), ("method", method, ("ritz", "time"))):
-        if value not in known:
+        if not (isinstance(value, str) and value in known):
             raise InputError(f"{name} {value!r} is unknown", expected=" or ".join(known))
 
 

@@ -13,7 +13,15 @@ from typing import Any
 import pandas as pd
 
 from damping.errors import InputError, Refused
-from damping.records import check_ceiling, check_copies, check_levels, check_phases, check_sweeps, check_units
+from damping.records import (
+    check_ceiling,
+    check_copies,
+    check_few,
+    check_levels,
+    check_phases,
+    check_sweeps,
+    check_units,
+)
 from damping.records.base_drive import find_participation, has_masses, shake
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -45,6 +53,7 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_sweeps.check_sweep_rate, _OF_A_FAST_SWEEP),
     (check_sweeps.check_several_modes, ("phase-offset", "beyond-model", *_OF_LEVELS, "edge-of-sweep", "units")),
     (check_sweeps.check_edge, (*_OF_LEVELS, "beyond-model", "phase-offset")),
+    (check_few.check_few, ()),
     (check_sweeps.check_jump, ()),
     (check_sweeps.check_coarse, ()),
     (check_units.check_energy, ()),
@@ -123,7 +132,7 @@ class Audit:
 
 def require_checks(names: Collection[str]) -> None:
     """Raise InputError for a name that is not a check."""
-    if isinstance(names, str) or not isinstance(names, Collection):
+    if isinstance(names, str) or not (isinstance(names, Collection) and getattr(names, "ndim", 1) != 0):
         raise InputError(f"despite is {names!r}", expected="a list of names of checks")
     for name in names:
         if name not in NAMES:

@@ -106,7 +106,7 @@ class TomlTable:
     def only(self, *known: str) -> None:
         """Raise InputError for the first key that is not in ``known``; it names the nearest known key."""
         for key in self.values:
-            if key not in known:
+            if not (isinstance(key, str) and key in known):
                 where = f" in [{'.'.join(self.path)}]" if self.path else ""
                 raise self.error(str(key), f"unknown key{where}", list_nearest(str(key), known))
 

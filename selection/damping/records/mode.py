@@ -15,7 +15,7 @@ from damping import effects, forces
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.forces.shapes import Shape
 from damping.records.keys import TomlTable, read_toml
-from damping.records.text import DEFAULT_MAX_SIZE
+from damping.records.text import DEFAULT_MAX_SIZE, read_source
 
 #: Range of ln mass over its standard error beyond which masses differ: ten estimates of one mass do in 1.4 % of cases.
 STATES_APART = 5.0
@@ -123,6 +123,7 @@ class Mode:
     source: str = ""
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "source", read_source(self.source))
         given = {name: getattr(self, name) for name in ("name", "frequency", "mass", "drive", "tolerance")}
         written: dict[str, Any] = {
             "mode": {name: value for name, value in given.items() if value is not getattr(type(self), name)},

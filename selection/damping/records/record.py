@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from operator import itemgetter
-from os import PathLike
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +24,7 @@ from damping.records.text import (
     describe_separator,
     describe_shortened,
     guarded,
+    read_source,
 )
 
 
@@ -59,9 +59,7 @@ class Record:
     frame = table
 
     def __post_init__(self) -> None:
-        if not isinstance(self.source, str | PathLike):
-            raise InputError(f"source is of type {type(self.source).__name__}", expected="a text or a path")
-        vars(self)["source"] = str(self.source)
+        vars(self)["source"] = read_source(self.source)
         table = _tabulate_typed(self._rows, self.source)
         problems = find_problems(table)
         if problems:
@@ -246,7 +244,8 @@ def read_numbers(cells: pd.Series, name: str, file: str | None, also: str = "") 
     InputError: values of a kind in ``keys.NO_NUMBERS`` that is not ``also`` taken, or a number too large.
     """
     kind = pd.api.types.infer_dtype(cells)
-    if kind in keys.NO_NUMBERS and kind != also:
+    kinds = {pd.api.types.infer_dtype([cell]) for cell in cells} if kind.startswith("mixed") else {kind}
+    for kind in sorted(kinds & keys.NO_NUMBERS.keys() - {also}):
         raise InputError(f"holds {kind} values", file=file, column=name, expected=keys.NO_NUMBERS[kind])
     try:
         return np.asarray(pd.to_numeric(cells, errors="coerce").astype(np.float64))

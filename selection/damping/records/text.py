@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from math import isfinite
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, SupportsFloat
 
@@ -30,6 +31,13 @@ _TOGETHER = 65_536  # bytes decoded together, extended to the end of the line
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _CONTROLS = bytes(set(range(32)) - set(b"\t\n\v\f\r"))  # control characters that text does not contain
 _OPEN_QUOTE = "unexpected end of data"  # message of the csv module on a file that ends in an open quote
+
+
+def read_source(source: object) -> str:
+    """Where a record or mode is from, for messages. InputError if it is neither text nor path."""
+    if not isinstance(source, str | PathLike):
+        raise InputError(f"source is of type {type(source).__name__}", expected="a text or a path")
+    return str(source)
 
 
 def is_binary(start: bytes) -> bool:

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from damping.arrays import BoolArray, FloatArray, Floats, IntArray
-from damping.errors import InputError
+from damping.errors import check_choice
 from damping.regression.design import Basis, Design
 
 #: Share of the response below which deviations say nothing; times the condition number, what the root of a sum of
@@ -82,8 +82,7 @@ def leave_one_out(deviations: FloatArray, leverages: FloatArray) -> Floats:
 
 def check_criterion(criterion: str) -> None:
     """Raise InputError for a name that is not one of ``NAMES``."""
-    if criterion not in NAMES:
-        raise InputError(f"no criterion {criterion!r}", expected=f"one of {', '.join(NAMES)}")
+    check_choice(criterion, NAMES, f"no criterion {criterion!r}")
 
 
 #: Leverages count up to here in the bound of the leave-one-out error, so that rounding is magnified 100 times at most.

@@ -12,8 +12,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from damping.arrays import BoolArray, IntArray
-from damping.errors import AnalysisError, InputError, check_flags
+from damping.arrays import BoolArray, IntArray, is_number
+from damping.errors import AnalysisError, InputError, check_choice, check_flags
 from damping.regression.criteria import NAMES, check_criterion
 from damping.regression.design import Basis, Design, decompose, solve_nonnegative
 from damping.regression.fit import Fit, fit
@@ -66,8 +66,7 @@ def stepwise(
     AnalysisError: the design of all terms is numerically rank-deficient (the columns are named), or leaves
         backward elimination no degrees of freedom.
     """
-    if direction not in DIRECTIONS:
-        raise InputError(f"no direction {direction!r}", expected=f"one of {', '.join(DIRECTIONS)}")
+    check_choice(direction, DIRECTIONS, f"no direction {direction!r}")
     decompose(design)
     if direction == "backward" and design.n == design.k:
         message = f"backward elimination needs more than {design.k} observations to judge {design.k} terms by"
@@ -216,8 +215,7 @@ class Choice:
     t_stop: float | None = None  #: T-ratio at which steps stop; None: the criterion stops them
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise InputError(f"no selection {self.method!r}", expected=f"one of {', '.join(METHODS)}")
+        check_choice(self.method, METHODS, f"no selection {self.method!r}")
         check_criterion(self.criterion)
         check_flags(nonnegative=self.nonnegative)
         if self.t_stop is None:
@@ -227,7 +225,7 @@ class Choice:
                 f"a T-ratio to stop at does not go with selection {self.method!r}",
                 expected=f"one of {', '.join(DIRECTIONS)}",
             )
-        if not (isinstance(self.t_stop, int | float) and np.isfinite(self.t_stop) and self.t_stop >= 0.0):
+        if not (is_number(self.t_stop) and np.isfinite(self.t_stop) and self.t_stop >= 0.0):
             raise InputError(f"a T-ratio of {self.t_stop} to stop at", expected="a finite number >= 0")
 
 
