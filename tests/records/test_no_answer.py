@@ -87,3 +87,22 @@ def test_two_modes_and_a_constant_are_fitted_exactly():
     one = np.ones(len(omega))
     run = Run("A", np.arange(len(omega)), one, omega, np.abs(compliance), -np.angle(compliance), 0.0 * one)
     assert measure_miss_of_two(run) < 1e-8  # of a system of equations with a condition of some 1e6
+
+
+def with_factors(table: pd.DataFrame, factors: dict[str, float]) -> pd.DataFrame:
+    """The readings of some sweeps times factors."""
+    return table.assign(amplitude=table["amplitude"] * table["sweep"].map(factors).fillna(1.0))
+
+
+def test_one_level_that_falls_by_its_own_gain_is_diagnosed_and_not_ranked():
+    found = audited(with_factors(swept(4), {"3": 0.6}))
+    assert [(own.check, own.verdict) for own in found.findings] == [("amplitude-falls", "refuse")]
+    assert found.require(diagnosed=True) is found
+    with pytest.raises(Refused, match="amplitude-falls"):
+        found.require()
+
+
+def test_levels_with_exchanged_readings_are_not_diagnosed_either():
+    """Levels 2 and 4: both are odd, and no gain of one level explains it."""
+    with pytest.raises(Refused, match="amplitude-falls"):
+        audited(with_factors(swept(5), {"2": 2.0, "4": 0.5})).require(diagnosed=True)

@@ -50,7 +50,8 @@ def check_levels(view: View) -> Finding | None:
     """A resonant amplitude that falls with force, a decay whose damping grows as it dies, a level of another mass.
 
     A single mode shows none of these. Whatever its spring and damping, a mode has one mass: a level that implies
-    another has a wrong force or wrong readings. If there is one, a single pair of falling levels is not scatter.
+    another has a wrong force or wrong readings. If there is one, a single pair of falling levels is not scatter, and if
+    the other levels do not fall, a diagnosis names it.
     """
     beside = {leg.run.sweep for leg in view.legs if not leg.resonant}
     table = view.implied[~view.implied["sweep"].isin(beside)].sort_values("force", kind="stable")
@@ -63,10 +64,11 @@ def check_levels(view: View) -> Finding | None:
     what, advice = "; ".join(what for what, _ in reports), reports[-1][1]
     sweeps = tuple(level.sweep for level in odd) or tuple(table["sweep"].iloc[sorted(pair or ())])
     hopeless = certain or max((abs(log(level.factor)) for level in odd), default=0.0) > log(HOPELESS)
-    verdict = "refuse" if hopeless else "caution"
-    if pair is None:
-        return NamedFinding("level-offset", verdict, what, advice, sweeps)
-    return Finding("amplitude-falls", verdict, what, advice, sweeps)
+    without_odd = table[~table["sweep"].isin({level.sweep for level in odd})]
+    named = pair is None or (len(odd) == 1 and _find_fall(without_odd, set())[0] is None)
+    check = "level-offset" if pair is None else "amplitude-falls"
+    kind = NamedFinding if named else Finding
+    return kind(check, "refuse" if hopeless else "caution", what, advice, sweeps)
 
 
 def _find_fall(table: pd.DataFrame, odd: set[str]) -> tuple[tuple[int, int] | None, bool]:
