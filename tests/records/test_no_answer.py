@@ -95,7 +95,7 @@ def with_factors(table: pd.DataFrame, factors: dict[str, float]) -> pd.DataFrame
 
 
 def test_one_level_that_falls_by_its_own_gain_is_diagnosed_and_not_ranked():
-    found = audited(with_factors(swept(4), {"3": 0.6}))
+    found = audited(with_factors(swept(4), {"3": 0.55}))
     assert [(own.check, own.verdict) for own in found.findings] == [("amplitude-falls", "refuse")]
     assert found.require(diagnosed=True) is found
     with pytest.raises(Refused, match="amplitude-falls"):
