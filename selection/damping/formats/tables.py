@@ -15,7 +15,7 @@ from damping.formats import find_format
 from damping.formats.arrays import list_members, read_arrays
 from damping.formats.columns import TextTable, open_table
 from damping.formats.headers import ColumnHeader
-from damping.formats.levels import find_levels
+from damping.formats.levels import find_level, find_levels
 from damping.formats.named import list_units, require_linear, to_series
 from damping.formats.sampling import split
 from damping.formats.sensors import describe_array, find_setting
@@ -133,7 +133,8 @@ def _list_array_tables(path: Path, kind: str, stated: Stated, max_size: int) -> 
             tables += _read_group(path, kind, wanted, group or path.stem, stated, max_size)
     if not tables:
         raise _no_abscissa(", ".join(known))
-    return tables if len(tables) > 1 else [replace(tables[0], label=path.stem)]
+    is_named = len(tables) > 1 or find_level(tables[0].label.replace("_", " "))
+    return tables if is_named else [replace(tables[0], label=path.stem)]
 
 
 def _leaf(name: str) -> str:
@@ -159,7 +160,7 @@ def _read_group(
     headers = [describe_array(name, contents.units.get(name, "")) for name in names]
     sweeps, tables = list_members(names, contents.arrays), []
     for k, values in enumerate(sweeps, 1):
-        columns = _split_sensors(list(zip(headers, values, strict=True)), _find_rows(names, stated))
+        columns = _split_sensors(list(zip(headers, values, strict=True)), _find_rows(names, stated), kind)
         of_sweep, own = tuple(header for header, _ in columns), label if len(sweeps) == 1 else f"{label} {k}"
         setting = _find_rows([header.text for header in of_sweep], stated)
         tables += SensorTable(own, of_sweep, setting, [array for _, array in columns]).split_levels()
@@ -167,9 +168,12 @@ def _read_group(
 
 
 def _split_sensors(
-    columns: Sequence[tuple[ColumnHeader, Samples]], rows: Mapping[str, int]
+    columns: Sequence[tuple[ColumnHeader, Samples]], rows: Mapping[str, int], kind: str
 ) -> list[tuple[ColumnHeader, Samples]]:
-    """Arrays with a column for each sensor as columns ``name(:,1)``; unchanged if there is a force for each column."""
+    """Arrays with a column for each sensor as columns ``name(:,1)``; unchanged if there is a force for each column.
+
+    Of those with a row for each sensor ``name(1,:)``; in HDF5, as its readers count, ``name[0]``.
+    """
     n = columns[next(rows[role] for role in ("frequency", "omega") if role in rows)][1].size
     per_sweep = [columns[rows[role]][1].size for role in ("force", "sweep") if role in rows]
     parts = []
@@ -180,7 +184,8 @@ def _split_sensors(
             continue
         across = values.shape[0] == n
         for k, part in enumerate(values.reshape(n, many).T if across else values.reshape(many, n), 1):
-            name = f"{header.name}(:,{k})" if across else f"{header.name}({k},:)"
+            row = f"[{k - 1}]" if kind == "hdf5" else f"({k},:)"
+            name = f"{header.name}(:,{k})" if across else f"{header.name}{row}"
             parts.append((replace(header, text=name, name=name, title=name), part))
     return parts
 
