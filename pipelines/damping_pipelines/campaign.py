@@ -128,7 +128,7 @@ def _read_design(word: str) -> tuple[DesignLevel, str]:
     named = {"frequency": ("frequency", "freq", "f"), "level": ("level", "amplitude", "input")}
     with naming(path):
         table = open_table(read_bytes(path))
-        places, _ = find_roles(table, {}, named)
+        places, _ = find_roles(table.headers, {}, named, table.line)
         missing = [name for name in named if name not in places]
         if missing:
             raise InputError(f"no column {missing[0]}", expected="columns frequency (Hz) and level")
