@@ -147,7 +147,7 @@ def _require_units(texts: Sequence[str], drive: str) -> None:
 
 
 def _read_predictions(path: Path) -> list[SensorPrediction]:
-    """Every peak of a form ``campaign/1``. InputError for another file, or a mode without a frequency or peaks."""
+    """Every known peak of a form ``campaign/1``. InputError: another file, or a mode without a frequency or peaks."""
     band, expected = attrgetter("median", "low", "high"), "campaign.json of a campaign"
     form = read_form(CampaignForm, read_bytes(path), path, expected)
     bare = [mode.name for mode in form.modes if mode.frequency is None or not any(at.response for at in mode.at)]
@@ -162,6 +162,7 @@ def _read_predictions(path: Path) -> list[SensorPrediction]:
         for at in mode.at
         for known in [(at.frequency, band(at.damping_ratio) if at.damping_ratio else None, form.level_unit)]
         for peak in at.response
+        if None not in band(peak)
     ]
 
 

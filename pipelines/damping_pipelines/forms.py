@@ -186,13 +186,13 @@ class AnswerForm(RootModel[Annotated[RankForm | LoadsForm | CurveForm, Field(dis
 
 
 class PeakForm(FormPart):
-    """The peak of a sensor."""
+    """The peak of a sensor, null if it is not known."""
 
     sensor: str
     unit: str
-    median: Positive
-    low: Positive
-    high: Positive
+    median: Positive | None
+    low: Positive | None
+    high: Positive | None
 
 
 class PeaksForm(FormPart):
@@ -210,7 +210,7 @@ class PeaksForm(FormPart):
 class PeaksOfMode(FormPart):
     """A mode of a campaign with its peaks."""
 
-    name: str = "mode"
+    name: str
     frequency: Positive | None = None
     at: list[PeaksForm]
 

@@ -903,7 +903,10 @@ def test_levels_in_another_unit_are_not_compared(tmp_path, monkeypatch):
             file[name] = value
             file[name].attrs["units"] = "Hz" if name == "frequency" else "m/s^2"
     peak = {"sensor": "tip", "unit": "m/s^2", "median": 1.0, "low": 0.9, "high": 1.1}
-    form = {"format": "campaign/1", "modes": [{"frequency": 20.0, "at": [{"level": 1.0, "response": [peak]}]}]}
+    form = {
+        "format": "campaign/1",
+        "modes": [{"name": "a", "frequency": 20.0, "at": [{"level": 1.0, "response": [peak]}]}],
+    }
     for stated, error, said in (
         ({"level_unit": "N"}, InputError, r"levels in N of --previous, in m/s\^2 of these files; expected levels"),
         ({"level_unit": "m/s2"}, pytest.fail.Exception, "analysed"),

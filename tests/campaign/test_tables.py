@@ -888,3 +888,19 @@ def test_a_point_in_the_name_of_a_group_is_part_of_a_level(tmp_path):
     columns = {"tip": (np.abs(TRUTH[2.0][0]), "g/g"), "tip_lag": (-np.angle(TRUTH[2.0][0]), "rad")}
     (run,), _ = read_runs([write_group(tmp_path / "a.h5", "run_0.3g", columns)], SIZE)
     assert (run.label, run.level) == ("run_0.3g", 0.3)
+
+
+def test_groups_against_time_and_frequency_are_runs_of_one_file(tmp_path):
+    """A group that was tracked stands beside one of spectra; each is read as alone."""
+    path = write_group(tmp_path / "a.h5", "run_0.3g", {"control": (control(0.3)[0], "g"), "tip": (TRUTH[2.0][0], "g")})
+    t = np.arange(0.0, 10.0, 5e-3)
+    sine = np.sin(2 * np.pi * (9.0 + 0.1 * t) * t) * (1.0 + 1e-3 * t)  # a gain of both: no ceiling
+    with h5py.File(path, "r+") as file:
+        for name, values in (("time", t), ("control", 0.6 * sine), ("tip", 1.8 * sine)):
+            file[f"run_0.6g/{name}"] = values
+            file[f"run_0.6g/{name}"].attrs["units"] = "s" if name == "time" else "g"
+    spectra, tracked = read_runs([path], SIZE)[0]
+    assert [(run.label, run.level) for run in (spectra, tracked)] == [("run_0.3g", 0.3), ("run_0.6g", 0.6)]
+    np.testing.assert_array_equal(spectra.channels[0].samples, TRUTH[2.0][0])
+    ratio = tracked.channels[0].samples / tracked.drive
+    np.testing.assert_allclose(ratio, 3.0, rtol=1e-9)  # one signal of two sizes

@@ -121,7 +121,7 @@ def _read(source: Source) -> list[CampaignRun]:
             source.refuse_columns()
             return _list_channel_runs(source, kind, contents)
         is_table = kind == "tdms" or source.facts.columns
-        return ([] if is_table else _track_groups(source, contents)) or read_table_runs(source)
+        return read_table_runs(source) if is_table else _list_group_runs(source, contents)
     if kind == "uff":
         return list_function_runs(source)
     start = read_start(source.file, LOOKED_AT)
@@ -129,26 +129,27 @@ def _read(source: Source) -> list[CampaignRun]:
     return [read_table(source, table)] if table and is_of_time(table.headers) else read_table_runs(source)
 
 
-def _track_groups(source: Source, contents: Arrays) -> list[CampaignRun]:
-    """Tracked runs of an HDF5 file of plain arrays: every group with times, a drive and other arrays, no frequency."""
+def _list_group_runs(source: Source, contents: Arrays) -> list[CampaignRun]:
+    """Runs of an HDF5 file of plain arrays: groups with times and a drive, tracked, and tables against frequency."""
     groups: dict[str, dict[str, str]] = {}
     for path in contents.known:
         group, _, leaf = path.rpartition("/")
         groups.setdefault(group, {})[leaf] = path
-    runs = []
+    runs, has_spectra = [], False
     for group, paths in groups.items():
+        drive = next((leaf for leaf in paths if source.stated.is_drive(leaf)), None)
         names = {role: [leaf for leaf in paths if leaf.lower() in ROLE_NAMES[role]] for role in ("frequency", "time")}
+        has_spectra |= bool(names["frequency"] and drive)
         if names["frequency"] or not names["time"]:
             continue
         t = paths[names["time"][0]]
         like = {leaf: path for leaf, path in paths.items() if contents.known[path] == contents.known[t]}
-        drive = next((leaf for leaf in like if source.stated.is_drive(leaf)), None)
         numbered = [leaf for leaf in like if NUMBERED.search(leaf) and not source.stated.of(leaf).role]
         if drive is None and len(numbered) > 1:
             raise refuse_forces(group or source.file.stem, numbered)
-        if drive is not None:
+        if drive in like:
             runs.append(_track_group(source, group, t, drive, list(like.values())))
-    return runs
+    return runs + read_table_runs(source) if has_spectra or not runs else runs
 
 
 def _track_group(source: Source, group: str, t: str, drive: str, paths: Sequence[str]) -> CampaignRun:
