@@ -13,9 +13,10 @@ from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.arrays import read_arrays
 from damping.formats.columns import TextTable
-from damping.formats.headers import NAMES, SCALING_WITHIN, ColumnHeader, parse_header, recognise
+from damping.formats.headers import ABSCISSAS, NAMES, SCALING_WITHIN, ColumnHeader, parse_header, recognise
 from damping.formats.quantity import find_powers, unit
 from damping.formats.sampling import split
+from damping.formats.series import Samples
 from damping.records.text import describe_shortened
 
 #: A level in a label: a number with a unit, as 0.5 g, 0,5 g or, in names of files, 0p5g.
@@ -37,23 +38,24 @@ def find_level(text: str) -> tuple[float, str] | None:
 
 @dataclass(frozen=True)
 class ArrayTable:
-    """Real arrays of one length as the columns of a table, as ``columns.TextTable`` is."""
+    """Arrays of numbers as the columns of a table, as ``columns.TextTable`` is."""
 
     headers: tuple[ColumnHeader, ...]
-    columns: tuple[FloatArray, ...]  #: values (n,) of every array
+    columns: tuple[Samples, ...]  #: values of every array
     places: tuple[int, ...] = ()  #: of its columns among the arrays, if it has only some of them
     level: tuple[float, str] | None = None  #: that these are of, with its unit
     line: None = None  #: a text has that of its header
 
-    def read(self, places: Mapping[str, int]) -> tuple[dict[str, FloatArray], tuple[str, ...] | None]:
-        """Numbers (n,) of columns by role, and the text of the role ``sweep``; None if it has no place."""
+    def read(self, places: Mapping[str, int]) -> tuple[dict[str, Samples], tuple[str, ...] | None]:
+        """Columns by role, and the text of the role ``sweep`` in each row; None if it has no place, or one number."""
         of_file = self.places or range(len(self.headers))
         values = {role: self.columns[of_file[place]] for role, place in places.items()}
-        sweep = values.pop("sweep", None)
-        return values, None if sweep is None else tuple(f"{value:g}" for value in sweep)
+        sweep = values.pop("sweep", np.empty(0)).real.reshape(-1)
+        is_of_rows = len(sweep) == max((values[role].size for role in ABSCISSAS if role in values), default=0)
+        return values, tuple(f"{value:g}" for value in sweep) if is_of_rows and len(sweep) else None
 
 
-AnyTable = TypeVar("AnyTable", TextTable, ArrayTable)
+AnyTable = TypeVar("AnyTable", bound=TextTable | ArrayTable)
 
 
 def read_levels(path: str | Path, kind: str, max_size: int) -> list[ArrayTable]:
