@@ -128,7 +128,7 @@ def _read_design(word: str) -> tuple[DesignLevel, str]:
     named = {"frequency": ("frequency", "freq", "f"), "level": ("level", "amplitude", "input")}
     with naming(path):
         table = open_table(read_bytes(path))
-        places, _ = find_roles(table, {}, named)
+        places, _ = find_roles(table.headers, {}, named, table.line)
         missing = [name for name in named if name not in places]
         if missing:
             raise InputError(f"no column {missing[0]}", expected="columns frequency (Hz) and level")
@@ -147,17 +147,22 @@ def _require_units(texts: Sequence[str], drive: str) -> None:
 
 
 def _read_predictions(path: Path) -> list[SensorPrediction]:
-    """Every peak of a form ``campaign/1``. InputError for another file."""
-    band = attrgetter("median", "low", "high")
-    form = read_form(CampaignForm, read_bytes(path), path, "campaign.json of a campaign")
+    """Every known peak of a form ``campaign/1``. InputError: another file, or a mode without a frequency or peaks."""
+    band, expected = attrgetter("median", "low", "high"), "campaign.json of a campaign"
+    form = read_form(CampaignForm, read_bytes(path), path, expected)
+    bare = [mode.name for mode in form.modes if mode.frequency is None or not any(at.response for at in mode.at)]
+    if bare:
+        raise InputError(f"{bare[0]!r} has no frequency or no response", file=path, expected=expected)
     return [
         SensorPrediction(
-            mode.frequency, at.input or at.level, at.tested, peak.sensor, peak.unit, Bounds(*band(peak)), *known
+            mode.frequency, at.input or at.level, bool(at.tested), peak.sensor, peak.unit, Bounds(*band(peak)), *known
         )
         for mode in form.modes
+        if mode.frequency is not None
         for at in mode.at
         for known in [(at.frequency, band(at.damping_ratio) if at.damping_ratio else None, form.level_unit)]
         for peak in at.response
+        if None not in band(peak)
     ]
 
 

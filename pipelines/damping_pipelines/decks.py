@@ -22,7 +22,7 @@ from itertools import product
 from math import pi
 from pathlib import Path
 from textwrap import wrap
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from unicodedata import combining, normalize
 
 import numpy as np
@@ -35,7 +35,7 @@ from damping.formats.quantity import unit as named_unit
 from damping.records.mode import Units
 from damping.report.page import fill_text
 from damping_pipelines.folders import list_files, read_damping
-from damping_pipelines.forms import DampedRow, DampingForm
+from damping_pipelines.forms import CampaignForm, Damped, FormPart, LoadsForm
 from damping_pipelines.manifest import digest
 from damping_pipelines.store import check_outputs, write_text
 from damping_pipelines.terminal import tell
@@ -87,7 +87,9 @@ def export_deck(source: Path, out: Path, code: str, record: str | None = None) -
         raise InputError(f"--to {code!r} is unknown", expected=" or ".join(COMMENTS))
     check_outputs({"--out": out}, *list_files(source))
     form, content = read_damping(source, record)
-    drive, unit = (form.level_name, form.level_unit) if form.modes else (form.drive, form.units.force)
+    drive, unit = form.drive, form.units.force
+    if isinstance(form, CampaignForm):
+        drive, unit = form.level_name, form.level_unit
     if code == "openfast" and "base acceleration" in (form.drive, drive):
         raise AnalysisError(f"{source}: coefficients are of a force, and this form is of base acceleration")
     levels, missing = _list_levels(form, drive, unit)
@@ -135,21 +137,28 @@ def to_ascii(text: str) -> str:
     return "".join(c for c in plain if not combining(c)).encode("ascii", "replace").decode()
 
 
-def _list_levels(form: DampingForm, drive: str, unit: str) -> tuple[dict[float, list[Point]], list[str]]:
+def _list_rows(form: Damped) -> list[tuple[str, float | None, dict[str, Any]]]:
+    """Mode, level and values by name of every row."""
+    if isinstance(form, CampaignForm):
+        return [(mode.name, row.level, vars(row)) for mode in form.modes for row in mode.at]
+    rows: Sequence[FormPart] = form.predictions if isinstance(form, LoadsForm) else form.rows
+    return [(form.name, _find_force(vars(row)), vars(row)) for row in rows]
+
+
+def _list_levels(form: Damped, drive: str, unit: str) -> tuple[dict[float, list[Point]], list[str]]:
     """The points of each level by frequency, one per mode, and notes on rows without a point.
 
     Of several rows of a mode at one level a tested one is preferred.
     """
-    of_modes = [(mode.name, row.level, row) for mode in form.modes for row in mode.at]
     levels, missing = defaultdict[float, dict[str, Point]](dict), list[str]()
-    for mode, level, row in of_modes or [(form.name, _find_force(row), row) for row in (*form.rows, *form.predictions)]:
+    for mode, level, row in _list_rows(form):
         point = _as_point(mode, row)
         if level is not None and point is not None:
-            if row.tested or mode not in levels[level]:
+            if row.get("tested") or mode not in levels[level]:
                 levels[level][mode] = point
             continue
-        at = f"amplitude {row.amplitude}" if level is None else f"{drive} {level:g} {unit}".rstrip()
-        why = next((caution for caution in row.cautions if caution.startswith(REFUSAL)), "no damping predicted")
+        at = f"amplitude {row['amplitude']}" if level is None else f"{drive} {level:g} {unit}".rstrip()
+        why = next((caution for caution in row["cautions"] if caution.startswith(REFUSAL)), "no damping predicted")
         missing.append(f"left out: {mode} at {at}: {why}")
     return {level: sorted(of.values(), key=lambda point: point.frequency) for level, of in levels.items()}, missing
 
@@ -198,28 +207,32 @@ def split_runs(number: Mapping[str, int], points: Sequence[Point]) -> list[list[
     return runs
 
 
-def _find_force(row: DampedRow) -> float | None:
+def _find_force(row: Mapping[str, Any]) -> float | None:
     """The force of a row; in ``loads/1`` for given amplitudes it is the median."""
-    return row.median if row.force is None and row.amplitude is not None else row.force
+    force, amplitude = row.get("force"), row.get("amplitude")
+    return row.get("median") if force is None and amplitude is not None else force
 
 
-def _as_point(mode: str, row: DampedRow) -> Point | None:
+def _as_point(mode: str, row: Mapping[str, Any]) -> Point | None:
     """A row as a point; None if it has no damping ratio."""
-    ratio = row.damping_ratio
-    if ratio is None or ratio.median is None or ratio.low is None or row.frequency is None:
+    ratio = row["damping_ratio"]
+    if ratio is None or ratio.median is None or ratio.low is None or row["frequency"] is None:
         return None
-    weights = {str(law["name"]): f"{float(law.get('weight') or 0.0):.2f}" for law in row.by_model}
-    laws = ", ".join(f"{name} ({weight})" for name, weight in weights.items() if float(weight) > 0.0)
-    beyond = f"{row.extrapolation_ratio:.3g} times the tested force" if row.extrapolation_ratio else ""
-    tested = {True: "within the test", False: "outside the test", None: ""}[row.tested]
-    notched = next((caution for caution in row.cautions if caution.startswith("notched")), "")
+    laws = ", ".join(
+        f"{law.name} ({law.weight:.2f})" for law in row.get("by_model", ()) if (law.weight or 0.0) >= 0.005
+    )
+    times, is_tested = row.get("extrapolation_ratio"), row.get("tested")
+    beyond = f"{times:.3g} times the tested force" if times else ""
+    tested = {True: "within the test", False: "outside the test", None: ""}[is_tested]
+    notched = next((caution for caution in row["cautions"] if caution.startswith("notched")), "")
     remark = "; ".join(part for part in (beyond or tested, notched, f"laws: {laws}" if laws else "") if part)
-    resonant = _find_force(row)
+    resonant, amplitude = _find_force(row), row.get("amplitude")
     force = np.nan if resonant is None else resonant
-    amplitude = next((value for value in (row.amplitude, row.median) if value is not None), np.nan)
-    within = (row.extrapolation_ratio or 1.0) <= 1.0 + ROUNDING if row.tested is None else row.tested
-    at_force = row.force is not None and (row.amplitude is None or row.amplitude_low not in (None, row.amplitude))
-    return Point(mode, row.frequency, ratio.median, ratio.low, force, amplitude, remark, within, at_force)
+    size = next((value for value in (amplitude, row.get("median")) if value is not None), np.nan)
+    within = (times or 1.0) <= 1.0 + ROUNDING if is_tested is None else is_tested
+    is_asked = amplitude is None or row.get("amplitude_low") not in (None, amplitude)
+    at_force = row.get("force") is not None and is_asked
+    return Point(mode, row["frequency"], ratio.median, ratio.low, force, size, remark, within, at_force)
 
 
 @dataclass(frozen=True)

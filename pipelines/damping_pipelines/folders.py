@@ -4,7 +4,7 @@ from pathlib import Path
 
 from damping.errors import AnalysisError, InputError, list_nearest
 from damping.records.text import read_bytes
-from damping_pipelines.forms import MAX_FORM_SIZE, DampedRow, DampingForm, StudyForm, StudyRecordForm, read_form
+from damping_pipelines.forms import MAX_FORM_SIZE, CurveForm, Damped, DampedForm, StudyForm, StudyRecordForm, read_form
 from damping_pipelines.manifest import Folder, open_folder
 
 STUDY = "summary.json"  #: the output that tells a study
@@ -27,7 +27,7 @@ def list_files(source: Path) -> list[Path]:
     return [source / name for name in open_folder(source).manifest.outputs]
 
 
-def read_damping(source: Path, record: str | None = None) -> tuple[DampingForm, bytes]:
+def read_damping(source: Path, record: str | None = None) -> tuple[Damped, bytes]:
     """The form that holds damping ratios, and the text it is from: a file, or the folder of a campaign or a study.
 
     ``record`` names one of a study, and is needed where it has several. InputError: no such file, folder or record, or
@@ -41,7 +41,7 @@ def read_damping(source: Path, record: str | None = None) -> tuple[DampingForm, 
         beside = "campaign" if folder else "file"
         raise InputError(f"--record {record!r} beside a {beside}", expected="--record of a study")
     content = folder.read(CAMPAIGN) if folder else read_bytes(source, MAX_FORM_SIZE)
-    return read_form(DampingForm, content, source / CAMPAIGN if folder else source, _DAMPING), content
+    return read_form(DampedForm, content, source / CAMPAIGN if folder else source, _DAMPING).root, content
 
 
 def _find_record(form: StudyForm, name: str | None, source: Path) -> StudyRecordForm:
@@ -54,7 +54,7 @@ def _find_record(form: StudyForm, name: str | None, source: Path) -> StudyRecord
     return form.records[0 if name is None else names.index(name)]
 
 
-def _take_record(record: StudyRecordForm, source: Path) -> DampingForm:
+def _take_record(record: StudyRecordForm, source: Path) -> CurveForm:
     """The tested part of the curve with the loads at the design forces, or without such the whole curve."""
     if record.curve is None:
         raise AnalysisError(f"{source}: {record.name} has no curve of damping: its laws could not be weighed")
@@ -63,8 +63,7 @@ def _take_record(record: StudyRecordForm, source: Path) -> DampingForm:
         update={
             "format": "study/1",
             "name": record.name,
-            "rows": [row for row in record.curve.rows if row.tested or not loads],
-            "predictions": [DampedRow.model_validate(load.model_dump()) for load in loads],
+            "rows": [*(row for row in record.curve.rows if row.tested or not loads), *loads],
             "units": record.units,
             "drive": record.units.drive,
             "audit": record.audit,

@@ -1,7 +1,7 @@
 """JSON forms written by commands, read and checked: ranking, loads, curve, campaign and study."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Literal, Self, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, RootModel, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
@@ -89,6 +89,25 @@ class RankForm(FormPart):
     models: Annotated[list[CandidateForm], Field(min_length=1)]
 
 
+class FindingForm(FormPart):
+    """A finding of the audit; ``mode``: of a campaign's mode."""
+
+    check: str
+    what: str
+    mode: str = ""
+
+
+class DampingForm(FormPart):
+    """A form that holds damping ratios."""
+
+    name: str = "mode"  #: of the mode, where the form holds one
+    level: float
+    units: Units = Units()
+    drive: str = "force"
+    cautions: list[str] = []
+    audit: list[FindingForm] = []
+
+
 class MemberForm(IntervalForm):
     """A law that contributes to a prediction."""
 
@@ -119,13 +138,11 @@ class PredictionForm(FormPart):
         return self
 
 
-class LoadsForm(FormPart):
+class LoadsForm(DampingForm):
     """Predictions at design forces, or at design amplitudes."""
 
     format: Literal["loads/1"]
-    level: float
     predictions: Annotated[list[PredictionForm], Field(min_length=1)]
-    units: Units = Units()
 
     @property
     def asked(self) -> str:
@@ -157,75 +174,25 @@ class CurveRowForm(FormPart):
     cautions: list[str] = []
 
 
-class CurveForm(FormPart):
+class CurveForm(DampingForm):
     """Resonances within the test and beyond it."""
 
     format: Literal["curve/1"]
-    level: float
     rows: Annotated[list[CurveRowForm], Field(min_length=1)]
-    units: Units = Units()
 
 
 class AnswerForm(RootModel[Annotated[RankForm | LoadsForm | CurveForm, Field(discriminator="format")]]):
     """A ranking, loads or a curve."""
 
 
-class DampedRow(FormPart):
-    """A prediction of ``loads/1``, a row of ``curve/1``, or a level of a mode of ``campaign/1``."""
-
-    force: float | None = None
-    amplitude: float | None = None
-    amplitude_low: float | None = None
-    median: float | None = None
-    level: float | None = None
-    frequency: float | None = None
-    damping_ratio: IntervalForm | None = None
-    extrapolation_ratio: float | None = None
-    tested: bool | None = None
-    by_model: list[dict[str, Any]] = []
-    cautions: list[str] = []
-
-
-class DampedMode(FormPart):
-    """A mode of a campaign with its levels."""
-
-    name: str
-    at: list[DampedRow]
-
-
-class FindingForm(FormPart):
-    """A finding of the audit; ``mode``: of a campaign's mode."""
-
-    check: str
-    what: str
-    mode: str = ""
-
-
-class DampingForm(FormPart):
-    """Any of the three forms that hold damping ratios."""
-
-    format: Literal["curve/1", "loads/1", "campaign/1"]
-    name: str = "mode"  #: of the mode, where the form holds one
-    level: float = 0.9
-    predictions: list[DampedRow] = []
-    rows: list[DampedRow] = []
-    modes: list[DampedMode] = []
-    drive: str = "force"
-    units: Units = Units()
-    level_name: str = "level"
-    level_unit: str = ""
-    cautions: list[str] = []
-    audit: list[FindingForm] = []
-
-
 class PeakForm(FormPart):
-    """The peak of a sensor."""
+    """The peak of a sensor, null if it is not known."""
 
     sensor: str
     unit: str
-    median: Positive
-    low: Positive
-    high: Positive
+    median: Positive | None
+    low: Positive | None
+    high: Positive | None
 
 
 class PeaksForm(FormPart):
@@ -233,25 +200,36 @@ class PeaksForm(FormPart):
 
     level: float
     input: Positive | None = None
-    tested: bool = False
+    tested: bool | None = None
     frequency: Positive | None = None
     damping_ratio: IntervalForm | None = None
-    response: list[PeakForm]
+    response: list[PeakForm] = []
+    cautions: list[str] = []
 
 
 class PeaksOfMode(FormPart):
     """A mode of a campaign with its peaks."""
 
-    frequency: Positive
+    name: str
+    frequency: Positive | None = None
     at: list[PeaksForm]
 
 
-class CampaignForm(FormPart):
-    """The peaks of a campaign."""
+class CampaignForm(DampingForm):
+    """The damping and the peaks of a campaign."""
 
     format: Literal["campaign/1"]
+    level: float = 0.9  # that of every campaign
     modes: list[PeaksOfMode]
+    level_name: str = "level"
     level_unit: str = ""
+
+
+Damped: TypeAlias = LoadsForm | CurveForm | CampaignForm  #: any of the forms that hold damping ratios
+
+
+class DampedForm(RootModel[Annotated[Damped, Field(discriminator="format")]]):
+    """Any of these."""
 
 
 class PowerLawForm(FormPart):
@@ -270,7 +248,7 @@ class StudyRecordForm(FormPart):
     audit: list[FindingForm] = []
     rank: RankForm
     loads: LoadsForm | None = None
-    curve: DampingForm | None = None
+    curve: CurveForm | None = None
     power_laws: list[PowerLawForm] = []
 
 

@@ -34,12 +34,13 @@ from damping.campaign.decays import decay_modes
 from damping.campaign.modal_fit import Level
 from damping.campaign.records import describe_lost, fit_levels, tie_modes
 from damping.campaign.responses import find_input
-from damping.campaign.runs import CampaignRun, DesignLevel, read_corrections
+from damping.campaign.runs import CampaignRun, Corrections, DesignLevel, read_corrections
 from damping.campaign.sources import read_runs
+from damping.campaign.tracked import Source
 from damping.campaign.values import At, Bounds, Response, SensorPrediction
 from damping.errors import AnalysisError, InputError
 from damping.formats.arrays import read_arrays
-from damping.formats.series import Summary
+from damping.formats.series import Stated, Summary
 from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
@@ -264,6 +265,13 @@ def test_the_level_of_a_ratio_is_one_of_its_drive(tmp_path, level, taken):
         assert read_runs([tmp_path / "a.uff"], 10 * SIZE)[0][0].level == pytest.approx(taken)
 
 
+def test_scalings_in_id_lines_are_words_of_any_header(tmp_path):
+    """As ``eff`` and ``pk-to-pk``; peak values are those that are expected."""
+    source = Source(tmp_path / "a.uff", SIZE, Corrections(), Summary(), set(), Stated())
+    source.note_scaling(["0.3 g tip", "0.3 g tip peak", "0.3 g tip eff", "peak level, pk-to-pk", "offset"])
+    assert [re.search("both ([^,]*),", note)[1] for note in source.summary.notes] == ["eff", "pk-to-pk"]
+
+
 def test_several_forces_are_not_averaged(tmp_path):
     """Two drives at once are named, in either kind of file."""
     with h5py.File(tmp_path / "a.h5", "w") as file:
@@ -271,7 +279,7 @@ def test_several_forces_are_not_averaged(tmp_path):
         run["frequency"] = FREQUENCY
         for name in ("force_1", "force_2", "tip"):
             run[name] = np.ones(len(FREQUENCY), complex)
-    with pytest.raises(InputError, match=r"a run with 2 drives, force_1, force_2; expected one"):
+    with pytest.raises(InputError, match=r"run_1N: 2 drives, force_1, force_2; expected one force"):
         read_runs([tmp_path / "a.h5"], 10 * SIZE)
     row, force = motion(0.2, FREQUENCY)[0], f"{13:10d}{0:5d}{0:5d}{0:5d} y"
     sets = [data_set(f"{name} 2 N", k, row, False) for k, name in enumerate(("left", "right", "tip"))]
@@ -474,7 +482,7 @@ def test_a_drive_and_a_spectrum_in_volts_can_be_corrected(tmp_path, kind):
             for group in file.values():
                 group["tacho"] = np.ones(len(FREQUENCY), complex)
                 group["tacho"].attrs["units"] = "V"
-        with pytest.raises(InputError, match="'tacho' is in V"):
+        with pytest.raises(InputError, match="of 'tacho' the unit 'V' is not understood"):
             read_runs([path], 10 * SIZE)
         out = read_corrections(corrected(tmp_path / "out.toml", f'{TACHO}role = "out"\n'))
         assert read_runs([path], 10 * SIZE, out)[0][0].names == plain.names
@@ -820,7 +828,7 @@ def test_a_file_that_claims_more_than_it_holds_is_refused(tmp_path):
         for name in ("control", "a"):
             file.create_dataset(name, (100_000, 90_000), dtype="f8", chunks=(1000, 1000))
     os.truncate(path, 300 * 10**9)
-    with pytest.raises(InputError, match=r"larger than the file warrants|no runs"):
+    with pytest.raises(InputError, match=r"larger than the file warrants|no frequency"):
         read_runs([path], SIZE)
 
 
@@ -895,7 +903,10 @@ def test_levels_in_another_unit_are_not_compared(tmp_path, monkeypatch):
             file[name] = value
             file[name].attrs["units"] = "Hz" if name == "frequency" else "m/s^2"
     peak = {"sensor": "tip", "unit": "m/s^2", "median": 1.0, "low": 0.9, "high": 1.1}
-    form = {"format": "campaign/1", "modes": [{"frequency": 20.0, "at": [{"level": 1.0, "response": [peak]}]}]}
+    form = {
+        "format": "campaign/1",
+        "modes": [{"name": "a", "frequency": 20.0, "at": [{"level": 1.0, "response": [peak]}]}],
+    }
     for stated, error, said in (
         ({"level_unit": "N"}, InputError, r"levels in N of --previous, in m/s\^2 of these files; expected levels"),
         ({"level_unit": "m/s2"}, pytest.fail.Exception, "analysed"),

@@ -821,3 +821,86 @@ def test_a_mode_found_far_from_where_it_was_asked_for_is_told(tmp_path):
         np.testing.assert_allclose(level.fit.frequency, of.fit.frequency, rtol=1e-5)
     (told,) = describe_lost(levels, tie_modes(levels, {}, [12.0, 20.6]), [12.0, 20.6])
     assert told == "caution: the mode stated near 20.6 Hz was found at 19 Hz: is it another one?"
+
+
+def write_group(path, group: str, columns: dict[str, tuple[np.ndarray, str]]):
+    """An HDF5 file with a group of arrays, each with its unit ('': none), beside the frequency."""
+    with h5py.File(path, "w") as file:
+        file[f"{group}/frequency"] = F
+        for name, (values, text) in columns.items():
+            file[f"{group}/{name}"] = values
+            if text:
+                file[f"{group}/{name}"].attrs["units"] = text
+    return path
+
+
+def control(level: float) -> tuple[np.ndarray, str]:
+    return np.full(len(F), level, complex), ""
+
+
+@pytest.mark.parametrize("across", [False, True])
+def test_sensors_of_an_array_are_named_by_row_or_column(tmp_path, across):
+    """As h5py counts rows, and as every table names columns; in the drive's g, which the label states and it reads."""
+    X = TRUTH[2.0].T if across else TRUTH[2.0]
+    path = write_group(tmp_path / "a.h5", "run_0.3g", {"control": control(0.3), "acc": (X, "g")})
+    (run,), _ = read_runs([path], SIZE)
+    assert run.names == (["acc(:,1)", "acc(:,2)", "acc(:,3)"] if across else ["acc[0]", "acc[1]", "acc[2]"])
+    assert (run.label, run.level, run.drive_unit) == ("run_0.3g", 0.3, "g")
+    np.testing.assert_array_equal([channel.samples for channel in run.channels], TRUTH[2.0])
+
+
+@pytest.mark.parametrize(
+    ("columns", "stated", "message"),
+    [
+        ({"control": control(0.3), "acc": (TRUTH[2.0], "")}, Stated(), r"the unit of 'acc\[0\]' is not known"),
+        ({"control": control(2.1), "acc": (TRUTH[2.0], "g")}, Stated(), "the unit of 'control' is not known"),
+        (  # two exciters
+            {"force": (np.full((2, len(F)), 0.3 + 0j), "N"), "acc": (TRUTH[2.0], "g")},
+            Stated(),
+            "2 columns of force",
+        ),
+        (
+            {"control_1": control(0.3), "control_2": control(0.3), "acc": (TRUTH[2.0], "g")},
+            Stated(units={"force": "N"}),
+            "2 drives, control_1, control_2; expected one force",
+        ),
+    ],
+)
+def test_what_a_group_does_not_say_is_asked_for(tmp_path, columns, stated, message):
+    with pytest.raises(InputError, match=message):
+        read_runs([write_group(tmp_path / "a.h5", "run_0.3g", columns)], SIZE, None, stated)
+
+
+def test_a_group_swept_down_is_read_by_rising_frequency(tmp_path):
+    """And real values without a phase are no responses beside complex ones."""
+    columns = {"control": (control(0.3)[0], "g"), "tip": (TRUTH[2.0][0], "g"), "heat": (np.full(len(F), 20.0), "")}
+    with h5py.File(write_group(tmp_path / "a.h5", "run_0.3g", columns), "r+") as file:
+        for values in file["run_0.3g"].values():
+            values[...] = values[()][::-1]
+    (run,), summary = read_runs([tmp_path / "a.h5"], SIZE)
+    np.testing.assert_array_equal(run.x, F)
+    np.testing.assert_array_equal([channel.samples for channel in run.channels], TRUTH[2.0][:1])
+    assert "run_0.3g: heat left out: no complex values" in summary.notes
+
+
+def test_a_point_in_the_name_of_a_group_is_part_of_a_level(tmp_path):
+    """A file with no drive has the level of its label: 0.3 g, not 3 g."""
+    columns = {"tip": (np.abs(TRUTH[2.0][0]), "g/g"), "tip_lag": (-np.angle(TRUTH[2.0][0]), "rad")}
+    (run,), _ = read_runs([write_group(tmp_path / "a.h5", "run_0.3g", columns)], SIZE)
+    assert (run.label, run.level) == ("run_0.3g", 0.3)
+
+
+def test_groups_against_time_and_frequency_are_runs_of_one_file(tmp_path):
+    """A group that was tracked stands beside one of spectra; each is read as alone."""
+    path = write_group(tmp_path / "a.h5", "run_0.3g", {"control": (control(0.3)[0], "g"), "tip": (TRUTH[2.0][0], "g")})
+    t = np.arange(0.0, 10.0, 5e-3)
+    sine = np.sin(2 * np.pi * (9.0 + 0.1 * t) * t) * (1.0 + 1e-3 * t)  # a gain of both: no ceiling
+    with h5py.File(path, "r+") as file:
+        for name, values in (("time", t), ("control", 0.6 * sine), ("tip", 1.8 * sine)):
+            file[f"run_0.6g/{name}"] = values
+            file[f"run_0.6g/{name}"].attrs["units"] = "s" if name == "time" else "g"
+    spectra, tracked = read_runs([path], SIZE)[0]
+    assert [(run.label, run.level) for run in (spectra, tracked)] == [("run_0.3g", 0.3), ("run_0.6g", 0.6)]
+    np.testing.assert_array_equal(spectra.channels[0].samples, TRUTH[2.0][0])
+    ratio = tracked.channels[0].samples / tracked.drive
+    np.testing.assert_allclose(ratio, 3.0, rtol=1e-9)  # one signal of two sizes

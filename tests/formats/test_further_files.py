@@ -310,18 +310,32 @@ def test_a_motion_in_rms_is_said(tmp_path):
         histories(path)
 
 
-def test_points_between_thousands_are_no_decimals(tmp_path, imported):
-    """Whole numbers of a German spreadsheet: 12.345 is twelve thousand."""
+@pytest.mark.parametrize(("mark", "decimal"), [(".", "point"), (",", "comma")])
+def test_marks_between_thousands_are_no_decimals(tmp_path, imported, mark, decimal):
+    """Whole numbers of a spreadsheet: 12.345 (German) or 12,345 (English) is twelve thousand."""
     path = tmp_path / "a.csv"
-    rows = "".join(f"{24 + k};2;{7 + k}.553;{170 - 9 * k}\n" for k in range(5))
+    rows = "".join(f"{24 + k};2;{7 + k}{mark}553;{170 - 9 * k}\n" for k in range(5))
     path.write_text("Frequency [Hz];Force [N];Accel [mm/s^2 pk];Phase [deg]\n" + rows)
-    with pytest.raises(InputError, match=r"7\.553 beside whole numbers: a decimal point, or a mark between thousands"):
+    message = rf"7[{mark}]553 beside whole numbers: a decimal {decimal}, or a mark between thousands"
+    with pytest.raises(InputError, match=message):
         imported(path)
-    assert imported(path, decimal="point").record.column("amplitude")[0] < 1e-3
+    assert imported(path, decimal=decimal).record.column("amplitude")[0] < 1e-3
     table = path.read_text()
-    for frequency in ("24.5;", "1024;"):  # a number with other decimals, or thousands without a mark, tells
+    for frequency in (f"24{mark}5;", "1024;"):  # a number with other decimals, or thousands without a mark, tells
         path.write_text(table.replace("24;", frequency))
         assert len(imported(path).record) == 5
+
+
+def test_sweeps_beside_levels_are_labelled_as_of_any_array(tmp_path):
+    """The number 1 of a sweep, in a file of arrays with a name for each level."""
+    f, path = np.tile(np.linspace(1.0, 3.0, 9), 2), tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["frequency"], file["run"] = f, np.repeat([1.0, 2.0], 9)
+        for level in (0.5, 1.0):
+            file[f"{level:g} g"] = level * np.exp(-1j * f)
+    series, _ = read_file(path, Stated())
+    assert [row.label for row in series] == ["1", "2"] * 2
+    np.testing.assert_array_equal(series[3].response, np.exp(-1j * f[9:]))
 
 
 @pytest.mark.parametrize("course", ["sine", "noise", "blow", "release", "pull"])

@@ -205,6 +205,18 @@ def test_lead_and_lag_by_the_turn(truth, tmp_path, imported, header, of_lag, ord
     close(imported(path).record, truth)
 
 
+def test_one_column_of_phases_has_one_sense(truth, tmp_path, imported):
+    """Two sweeps that turn opposite ways in one column: one of them is misread, or not of a passive structure."""
+    phase = np.degrees(truth.lag)
+    whole = {"sweep": ["a"] * len(truth.f) + ["b"] * len(truth.f), "frequency [Hz]": np.tile(truth.f, 2)}
+    whole |= {"force [N]": truth.F, "disp [m]": np.tile(truth.amplitude, 2)}
+    pd.DataFrame(whole | {"phase [deg]": [*phase, *phase]}).to_csv(tmp_path / "a.csv", index=False)
+    assert len(imported(tmp_path / "a.csv").record) == 2 * len(truth.f)
+    pd.DataFrame(whole | {"phase [deg]": [*phase, *-phase]}).to_csv(tmp_path / "b.csv", index=False)
+    with pytest.raises(InputError, match="the phase of 'b' is a lead of the response, unlike that of sweeps before it"):
+        imported(tmp_path / "b.csv")
+
+
 def test_an_angle_said_to_be_in_rad_is_none_in_degrees(truth, tmp_path, imported):
     columns = {
         "Freq [Hz]": lambda _: truth.f,

@@ -26,6 +26,7 @@ FORM = {
         {"force": 900.0, "median": None, "low": None, "high": None, "frequency": None, "damping_ratio": None},
     ],
 }
+UNKNOWN = {"force": 1.0, "median": None, "low": None, "high": None}
 CAMPAIGN = {
     "format": "campaign/1",
     "modes": [
@@ -359,10 +360,19 @@ def test_damping_that_falls_with_amplitude_is_said_to_be_of_no_such_form(damping
     ("form", "code", "said", "status"),
     [
         (FORM, "sap2000", "expected nastran or abaqus", 2),
-        ({"format": "loads/1", "predictions": [{"force": 1.0}]}, "nastran", "no level holds a damping ratio", 1),
+        ({**FORM, "predictions": [UNKNOWN]}, "nastran", "no level holds a damping ratio", 1),
         ({**FORM, "predictions": FORM["predictions"][2:]}, "nastran", "mode at force 900: no damping predicted", 1),
-        ({"format": "curve/1", "rows": [{"force": "x"}]}, "ansys", "rows.0.force", 2),
-        ({"format": "rank/1", "models": [], "rows": []}, "nastran", "format: Input should be 'curve/1', 'loads/1'", 2),
+        ({"format": "curve/1", "level": 0.9, "rows": [{"force": "x"}]}, "ansys", "rows.0.force", 2),
+        # as damping export --out TABLE reads them
+        ({"format": "loads/1", "level": 0.9, "rows": [{"force": 1.0}]}, "ansys", "predictions: Field required", 2),
+        ({**FORM, "predictions": [UNKNOWN | {"amplitude": 1.0}]}, "ansys", "force or amplitude is required", 2),
+        ({key: of for key, of in FORM.items() if key != "level"}, "ansys", "level: Field required", 2),
+        (
+            {"format": "rank/1", "models": [], "rows": []},
+            "nastran",
+            "expected tags: 'loads/1', 'curve/1', 'campaign/1'",
+            2,
+        ),
         (CAMPAIGN, "openfast", "coefficients need force and amplitude", 1),
         ({**CAMPAIGN, "level_name": "base acceleration"}, "openfast", "this form is of base acceleration", 1),
         ({**FORM, "drive": "base acceleration"}, "openfast", "of a force, and this form is of base acceleration", 1),

@@ -5,7 +5,7 @@ one file per run; a table of steady states in one file or sweep. A drive in time
 file of any size takes the memory of a block.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -13,9 +13,16 @@ from pathlib import Path
 import numpy as np
 
 from damping.campaign.functions import list_function_runs
-from damping.campaign.runs import LABEL_AGREES, CampaignRun, Channel, Corrections, keep_common_sensors, summarise_runs
+from damping.campaign.runs import (
+    LABEL_AGREES,
+    CampaignRun,
+    Corrections,
+    keep_common_sensors,
+    refuse_forces,
+    summarise_runs,
+)
 from damping.campaign.sensors import EXPLAINED, SCALINGS
-from damping.campaign.tables import find_peak_factor, read_table_runs
+from damping.campaign.tables import read_table_runs
 from damping.campaign.tracked import Source, is_of_time, read_table
 from damping.errors import InputError, naming
 from damping.formats import check, detect_format
@@ -23,9 +30,7 @@ from damping.formats.arrays import Arrays, read_arrays, read_blocks
 from damping.formats.columns import open_table
 from damping.formats.headers import ROLE_NAMES
 from damping.formats.levels import NUMBERED, find_level
-from damping.formats.named import find_rates
 from damping.formats.quantity import unit
-from damping.formats.sensors import describe_array
 from damping.formats.series import Stated, Summary
 from damping.records.text import is_binary, name_apart, read_start
 from damping.signals.windows import UNEVEN
@@ -125,75 +130,26 @@ def _read(source: Source) -> list[CampaignRun]:
 
 
 def _list_group_runs(source: Source, contents: Arrays) -> list[CampaignRun]:
-    """Runs of an HDF5 file of plain arrays: every group with a frequency or times, a drive and other arrays."""
+    """Runs of an HDF5 file of plain arrays: groups with times and a drive, tracked, and tables against frequency."""
     groups: dict[str, dict[str, str]] = {}
     for path in contents.known:
         group, _, leaf = path.rpartition("/")
         groups.setdefault(group, {})[leaf] = path
-    runs, notes, has_frequency = [], len(source.summary.notes), False
+    runs, has_spectra = [], False
     for group, paths in groups.items():
-        x = next((leaf for leaf in paths if leaf.lower() in ROLE_NAMES["frequency"]), None)
         drive = next((leaf for leaf in paths if source.stated.is_drive(leaf)), None)
-        t = next((leaf for leaf in paths if leaf.lower() in ROLE_NAMES["time"]), None)
-        has_frequency |= x is not None
-        like = [path for path in paths.values() if t and contents.known[path] == contents.known[paths[t]]]
-        if t and drive and not x and paths[drive] in like:
-            runs.append(_track_group(source, group, paths[t], drive, like))
-        if x and drive and len(paths) > 2:
-            runs.append(_group_run(source, group, x, drive, paths))
-    if not runs:
-        drives = max(([leaf for leaf in paths if NUMBERED.search(leaf)] for paths in groups.values()), key=len)
-        if len(drives) > 1:
-            expected = "one, named control or force (--correct: role = 'drive' of one, 'out' of the others)"
-            raise InputError(f"a run with {len(drives)} drives, {', '.join(drives[:4])}", expected=expected)
-    if has_frequency and not any(run.channels for run in runs):  # amplitudes and phases
-        del source.summary.notes[notes:]
-        return read_table_runs(source)
-    if not runs:
-        has = f"it has {', '.join(list(contents.known)[:8])}"
-        raise InputError(
-            "no runs",
-            expected=f"groups with frequency (--column frequency=NAME), control (or force) and responses; {has}",
-        )
-    return runs
-
-
-def _group_run(source: Source, group: str, x: str, drive: str, paths: Mapping[str, str]) -> CampaignRun:
-    """The run of a group with a frequency, a drive and complex spectra, named as in the group."""
-    stated = source.stated.of(drive)
-    contents = read_arrays(source.file, "hdf5", list(paths.values()), source.most)
-    f = contents.arrays[paths[x]][0].real.reshape(-1)
-    level = find_level(group.replace("_", " "))
-    headers = {path: describe_array("", contents.units.get(path, "")) for path in paths.values()}  # g rms
-    factors = {p: find_peak_factor(p, header.scaling, source.summary) for p, header in headers.items() if p != paths[x]}
-    of_drive = headers[paths[drive]].unit
-    source.note_scaling(paths.values())
-    channels: list[Channel] = []
-    source.channels.add(drive)
-    of_rate = next((leaf for leaf in paths if leaf.lower() in ROLE_NAMES["sweep_rate"]), None)
-    for leaf, path in paths.items():
-        if leaf in (x, drive, of_rate) or path not in contents.arrays:
+        names = {role: [leaf for leaf in paths if leaf.lower() in ROLE_NAMES[role]] for role in ("frequency", "time")}
+        has_spectra |= bool(names["frequency"] and drive)
+        if names["frequency"] or not names["time"]:
             continue
-        values = factors[path] * contents.arrays[path][0]
-        rows = np.atleast_2d(values if values.ndim == 2 and values.shape[1] == len(f) else values.T)
-        if rows.shape[1] != len(f) or not np.iscomplexobj(rows):
-            what = f"{path} is skipped: no complex spectra at {len(f)} frequencies"
-            source.summary.note(f"{source.file.name}: {what}")
-            source.channels.add(leaf)
-            continue
-        text = headers[path].unit or of_drive or (level[1] if level else "")
-        names = [leaf] if len(rows) == 1 else [f"{leaf}[{k}]" for k in range(len(rows))]
-        channels += filter(None, (source.make_channel(name, text, row) for name, row in zip(names, rows, strict=True)))
-    usual = of_drive or (level[1] if level else channels[0].unit if channels else "")
-    values = factors[paths[drive]] * contents.arrays[paths[drive]][0] * stated.scale
-    rows = np.atleast_2d(values if values.shape[-1] == len(f) else values.T)
-    control = source.stated.join_controls(list(rows))
-    unit, rate = source.find_drive_unit(drive, usual), None
-    if of_rate:
-        of_units = {"sweep_rate": contents.units.get(paths[of_rate], "Hz/s")}
-        rates = find_rates({"sweep_rate": contents.arrays[paths[of_rate]][0]}, of_units, f, 1)
-        rate = None if rates is None else rates[:, 0]
-    return source.set_level(source.leave_flat(CampaignRun(group, None, unit, f, control, tuple(channels), rate)), group)
+        t = paths[names["time"][0]]
+        like = {leaf: path for leaf, path in paths.items() if contents.known[path] == contents.known[t]}
+        numbered = [leaf for leaf in like if NUMBERED.search(leaf) and not source.stated.of(leaf).role]
+        if drive is None and len(numbered) > 1:
+            raise refuse_forces(group or source.file.stem, numbered)
+        if drive in like:
+            runs.append(_track_group(source, group, t, drive, list(like.values())))
+    return runs + read_table_runs(source) if has_spectra or not runs else runs
 
 
 def _track_group(source: Source, group: str, t: str, drive: str, paths: Sequence[str]) -> CampaignRun:

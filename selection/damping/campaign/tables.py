@@ -7,6 +7,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.campaign.runs import (
+    LABEL_AGREES,
     CampaignRun,
     describe_quantity,
     find_level_of_ratio,
@@ -21,7 +22,7 @@ from damping.formats.conversion import SCALINGS
 from damping.formats.levels import DRIVE, NUMBERED, find_level
 from damping.formats.quantity import find_powers, unit
 from damping.formats.sensors import SensorColumns, group_columns
-from damping.formats.series import Samples, Series, Summary
+from damping.formats.series import Samples, Series, Summary, require_finite
 from damping.formats.sweeps import SweepMotion, find_refined
 from damping.formats.tables import SensorTable, list_reading_series, read_tables
 from damping.records.text import count, describe_shortened
@@ -52,9 +53,9 @@ class _Content:
         stated, summary = self.source.facts, self.source.summary
         return list_reading_series(self.table, roles, self.values, self.labels, stated, summary)
 
-    def find_unit(self, reading: SensorColumns, what: str) -> str:
-        """Unit of a reading: as stated, else in its header. InputError: it has none."""
-        text = self.table.headers[reading.main].unit
+    def find_unit(self, reading: SensorColumns, what: str, usual: str = "") -> str:
+        """Unit of a reading: as stated, else in its header, else the ``usual`` one. InputError: it has none."""
+        text = self.table.headers[reading.main].unit or usual
         own = self.source.stated.of(reading.name).unit or self.source.facts.units.get(what) or text
         if own in ("", "-", "1"):
             such = "N" if what == "force" else "g/g" if own else "m/s^2"
@@ -63,8 +64,14 @@ class _Content:
         option = f"--unit {what}=UNIT, or of volts unit and scale in --correct FILE.toml,"
         return unit(own.replace("m/s2", "m/s^2"), what=f"of {reading.name!r} the unit", option=option).text
 
+    def find_read_unit(self, sweep: "_SweepRows") -> str:
+        """Unit of the level in the label of a sweep if a drive reads that number; else ''."""
+        level = find_level(sweep.label.replace("_", " "))
+        sizes = [self.source.stated.of(r.name).scale * np.median(np.abs(sweep.values[r.name])) for r in self.drives]
+        return level[1] if level and any(abs(abs(x) - level[0]) <= LABEL_AGREES * level[0] for x in sizes) else ""
 
-def find_peak_factor(name: str, scaling: str | None, summary: Summary) -> float:
+
+def _find_peak_factor(name: str, scaling: str | None, summary: Summary) -> float:
     """Factor of a channel to peak values, by the scaling in its header or unit; other than peak is said."""
     if scaling not in (None, "peak"):
         summary.add(f"amplitudes of {name!r}", f"{scaling}, made peak values", "found in the file")
@@ -98,6 +105,8 @@ def _read_content(table: SensorTable, source: Source, *, is_only: bool) -> _Cont
     if twice is not None:
         raise InputError(f"{names.count(twice)} sensors are {twice!r}", expected="columns whose names differ")
     source.channels.update(names)
+    if not any(header.scaling for header in table.headers):
+        source.note_scaling([table.label])
     drives = _choose_drives(table, readings, source)
     joined = f", one of {len(drives)}, joined by their {source.stated.control}" if len(drives) > 1 else ""
     for drive in drives:
@@ -107,6 +116,8 @@ def _read_content(table: SensorTable, source: Source, *, is_only: bool) -> _Cont
         raise InputError(f"{table.label}: no response", expected="columns of sensors, each with its phase")
     readings, sensors = _leave_out_other(table, readings, sensors, source)
     values, labels = table.read([place for reading in readings for place in reading.roles.values()])
+    for reading in (one for one in readings if table.is_complex[one.main]):  # in a text a cell may be empty
+        require_finite(f"drive of {table.label}" if reading in drives else reading.name, values[reading.main])
     if labels is not None:
         said = table.headers[table.rows["sweep"]].unit
         labels = [f"{label} {said}".strip() for label in labels]
@@ -118,18 +129,21 @@ def _leave_out_other(
 ) -> tuple[list[SensorColumns], list[SensorColumns]]:
     """Readings and sensors without columns that have neither a phase nor, where others have one, a unit of motion.
 
-    InputError: a motion, or in a table without units any column, has no phase.
+    Beside complex values, columns of real ones without a phase are no responses. InputError: elsewhere a motion, or in
+    a table without units any column, has no phase.
     """
+    has_complex = any(table.is_complex[reading.main] for reading in sensors)
     phaseless = [reading for reading in sensors if not reading.has_phase]
     moving = [one for one in sensors if is_motion(source.stated.of(one.name).unit or table.headers[one.main].unit)]
     has_units = any(reading.has_phase for reading in moving)
-    other = [reading for reading in phaseless if has_units and reading not in moving]
+    other = [reading for reading in phaseless if has_complex or (has_units and reading not in moving)]
     if lost := [repr(reading.name) for reading in phaseless if reading not in other]:
         further = f" (likewise of {describe_shortened(', '.join(lost[1:]), 100)})" if lost[1:] else ""
         raise InputError(f"{lost[0]} has no phase", expected=_PHASES.replace("tip", lost[0].strip("'")) + further)
     if other:
         listed = describe_shortened(", ".join(reading.name for reading in other), 100)
-        source.summary.note(f"{table.label}: {listed} left out: neither a phase nor a unit of motion")
+        why = "no complex values" if has_complex else "neither a phase nor a unit of motion"
+        source.summary.note(f"{table.label}: {listed} left out: {why}")
     return [one for one in readings if one not in other], [one for one in sensors if one not in other]
 
 
@@ -146,7 +160,9 @@ def _choose_drives(table: SensorTable, readings: Sequence[SensorColumns], source
     forces = [r for r in free if find_powers(units[r.name]) == (1, 0, 0)]
     drives = at_place if "force" in source.facts.columns else named or at_place
     drives = drives or (forces if len(forces) == 1 else [])
-    if any(reading in forces for reading in drives) and len(drives) > 1:
+    kinds = {r.name: find_powers(units[r.name] or source.facts.units.get("force", "")) for r in drives}
+    named = [r for r in drives if kinds[r.name] == (1, 0, 0) or (not kinds[r.name] and "force" in r.name.lower())]
+    if named and len(drives) > 1:
         raise refuse_forces(table.label, [reading.name for reading in drives])
     return drives
 
@@ -159,7 +175,7 @@ def _list_runs(content: _Content) -> list[CampaignRun]:
         of_force = [replace(s, response=np.asarray(s.force)) for s in content.list_series(content.sensors[0], reading)]
         series[reading.name] = content.list_series(reading, drive) if reading.has_phase else of_force
     scalings = {r.name: content.table.headers[r.main].scaling for r in (*content.sensors, *content.drives)}
-    factors = {name: find_peak_factor(name, scaling, content.source.summary) for name, scaling in scalings.items()}
+    factors = {name: _find_peak_factor(name, scaling, content.source.summary) for name, scaling in scalings.items()}
     silent = [repr(name) for name, scaling in scalings.items() if scaling is None]
     if silent and set(scalings.values()) - {None, "peak"}:
         listed = describe_shortened(", ".join(silent), 100)
@@ -257,7 +273,7 @@ def _make_run(content: _Content, sweep: _SweepRows) -> CampaignRun:
     """The run of a sweep, with its level."""
     source, stated = content.source, content.source.stated
     units = {reading.name: content.find_unit(reading, "response") for reading in content.sensors}
-    drive_unit = content.find_unit(content.drives[0], "force") if content.drives else ""
+    drive_unit = content.find_unit(content.drives[0], "force", content.find_read_unit(sweep)) if content.drives else ""
     ratios = {name: split_ratio(text, drive_unit) for name, text in units.items()}
     if content.drives:
         controls = (reading.name for reading in content.drives)

@@ -1,7 +1,6 @@
 """A file of a campaign: time histories, also as a table, to a tracked run or a free decay."""
 
 import io
-import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +23,7 @@ from damping.campaign.runs import (
 )
 from damping.errors import AnalysisError, InputError
 from damping.formats.columns import DELIMITERS, Layout, TextTable, open_table
-from damping.formats.headers import ROLE_NAMES, ColumnHeader, find_abscissa_factor, lower_name
+from damping.formats.headers import ROLE_NAMES, SCALING_WITHIN, ColumnHeader, find_abscissa_factor, lower_name
 from damping.formats.levels import find_level
 from damping.formats.quantity import unit
 from damping.formats.series import Samples, Stated, Summary, require_finite
@@ -32,9 +31,6 @@ from damping.records.check_ceiling import Limits, find_ceiling, find_limit
 from damping.records.text import count, describe_cell, describe_shortened, read_bytes
 from damping.signals.histories import track_sine
 from damping.signals.windows import UNEVEN, describe_uneven
-
-#: Words for amplitudes that are not peak amplitudes of the sine.
-SCALED = re.compile(r"(?i)(?<![a-z])(rms|r\.m\.s|peak[- ]to[- ]peak|pk-?pk|p-p)(?![a-z])")
 
 
 @dataclass(frozen=True)
@@ -81,7 +77,8 @@ class Source:
 
     def note_scaling(self, texts: Iterable[str]) -> None:
         """Note a caution on each scaling in names or ID lines of spectra: amplitudes are not converted."""
-        for word, text in {match[1].lower(): text for text in texts if (match := SCALED.search(text))}.items():
+        said = ((match, text) for text in texts for match in SCALING_WITHIN.finditer(text) if not match["peak"])
+        for word, text in {match[0].lower(): text for match, text in said}.items():
             taken = "amplitudes are taken as peak values of the sine"
             both = f"if drive and sensors are both {word}, so are levels and peaks"
             self.summary.note(f"caution: {self.file.name} says {describe_shortened(text)!r}: {taken}; {both}")

@@ -21,7 +21,7 @@ from damping.formats.cells import DECIMALS
 from damping.formats.columns import DELIMITERS, Layout, TextTable, find_roles, open_table
 from damping.formats.conversion import RESPONSES, SCALINGS
 from damping.formats.headers import ABSCISSAS, NAMES, ROLES
-from damping.formats.levels import split_levels, write_levels
+from damping.formats.levels import ArrayTable, read_levels, split_levels
 from damping.formats.named import UNIT_OF, list_units, note_unheeded_units, require_linear, to_series
 from damping.formats.quantity import SYSTEMS
 from damping.formats.sampling import find_rows
@@ -64,11 +64,8 @@ def _list_series(path: str | Path, stated: Stated, summary: Summary, max_size: i
         try:
             series = _list_part_series(path, kind, stated, own, max_size)
         except InputError:
-            data = write_levels(path, kind, max_size)
-            levels = split_levels(open_table(data, "tab", decimal="point")) if data else []
-            if not levels:
+            if not (levels := read_levels(path, kind, max_size)):
                 raise
-            stated = replace(stated, delimiter="tab", decimal="point")
             return [one for level in levels for one in _list_table_series(level, path, "csv", stated, summary)]
         summary.extend(own)
         return series
@@ -116,13 +113,15 @@ def _holds(t: FloatArray, rows: tuple[int, int], span: tuple[float, float]) -> b
     return len(t) > 1 and bool((rows[0] == 0 or t[0] <= span[0]) and (to_end or t[-1] >= span[1]))
 
 
-def _list_table_series(table: TextTable, path: str | Path, kind: str, stated: Stated, summary: Summary) -> list[Series]:
+def _list_table_series(
+    table: TextTable | ArrayTable, path: str | Path, kind: str, stated: Stated, summary: Summary
+) -> list[Series]:
     known = NAMES["amplifier" if kind == "lock-in" else "own"]
-    places, response = find_roles(table, stated.columns, known)
+    places, response = find_roles(table.headers, stated.columns, known, table.line)
     numbers, labels = table.read(places)
     headers = {role: table.headers[place] for role, place in places.items()}
     require_linear(headers)
-    if "auto" in (stated.delimiter, stated.decimal):
+    if isinstance(table, TextTable) and "auto" in (stated.delimiter, stated.decimal):
         summary.add("table", _describe_layout(table.layout, stated.skip), "found in the file")
     if not stated.columns and kind != "csv":
         for parts, twice in _TWICE.items():
@@ -162,7 +161,9 @@ def _list_table_series(table: TextTable, path: str | Path, kind: str, stated: St
     return to_series(numbers, labels, facts, label, summary, peak=kind == "csv")
 
 
-def _summarise_columns(table: TextTable, places: Mapping[str, int], stated: Stated, summary: Summary) -> None:
+def _summarise_columns(
+    table: TextTable | ArrayTable, places: Mapping[str, int], stated: Stated, summary: Summary
+) -> None:
     """Add a row for each column that has a role, and one for all others."""
     for role, place in places.items():
         source = "stated" if role in stated.columns else "by its name"

@@ -24,11 +24,11 @@ NUMBER = {
     name: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|{_NOTHING}|{_GROUPED[name]}")
     for name, mark in DECIMALS.items()
 }
-#: Digits in groups of three, and such an integer.
+#: Digits in groups of three, and such an integer by the mark between them.
 _IN_THREES = re.compile(rf"[+-]?\d{{1,3}}(?:[.,{_APART}]\d{{3}})+(?:[.,]\d*)?")
-_WHOLE = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})*|0")
-#: Other numbers that show that a point is no such mark: one with decimals, thousands without a mark.
-_UNMARKED = re.compile(r".*\.|[+-]?\d{4}")
+_WHOLE = {name: re.compile(rf"[+-]?[1-9]\d{{0,2}}([{mark}]\d{{3}})*|0") for name, mark in DECIMALS.items()}
+#: Other numbers that show that it is no such mark: one with decimals, thousands without a mark.
+_UNMARKED = {name: re.compile(rf".*[{mark}]|[+-]?\d{{4}}") for name, mark in DECIMALS.items()}
 
 
 def read_number(cell: str, decimal: str, line: int, column: str) -> float:
@@ -63,39 +63,48 @@ def write_plainly(text: str, decimal: str) -> str:
 
 
 def find_decimal(texts: Collection[str]) -> str:
-    """The decimal mark of numbers that were written as text: ``comma`` if some are no numbers with a point, and no
-    number has a point."""
-    commas = {text for text in texts if "," in text and NUMBER["comma"].fullmatch(text)}
+    """The decimal mark of numbers written as text: ``comma`` if some have commas and none has a point, else ``point``.
+
+    Whether commas stand between thousands is for `Thousands`, or for `are_in_threes`.
+    """
+    commas = any("," in text and NUMBER["comma"].fullmatch(text) for text in texts)
     points = any("." in text and NUMBER["point"].fullmatch(text) for text in texts)
-    return "comma" if not points and any(not _IN_THREES.fullmatch(text) for text in commas) else "point"
+    return "comma" if commas and not points else "point"
+
+
+def are_in_threes(texts: Collection[str]) -> bool:
+    """Whether all numbers with commas may be integers with marks between their thousands."""
+    commas = (text for text in texts if "," in text and NUMBER["comma"].fullmatch(text))
+    return all(_IN_THREES.fullmatch(text) for text in commas)
 
 
 class Thousands:
-    """Whether points may stand between thousands: numbers as ``978`` and ``12.345``, no ``0.5`` and no ``1234``.
+    """Whether decimal marks may stand between thousands: numbers as ``978`` and ``12.345``, no ``0.5``, no ``1234``.
 
-    Taken for a decimal point, such a mark makes numbers a thousand times too small. ``is_possible``: whether the layout
+    Taken for a decimal mark, such a mark makes numbers a thousand times too small. ``is_possible``: whether the layout
     allows it, and whether every number seen does.
     """
 
-    def __init__(self, *, is_possible: bool) -> None:
+    def __init__(self, decimal: str, *, is_possible: bool) -> None:
         self.is_possible = is_possible
-        self._pointed: tuple[str, str] | None = None
+        self._decimal = decimal
+        self._marked: tuple[str, str] | None = None
         self._has_plain = False
 
     def look_at(self, cell: str, column: str) -> None:
         """Take note of a cell."""
         text = cell.strip()
-        if not _WHOLE.fullmatch(text):
-            self.is_possible = self.is_possible and not _UNMARKED.match(text)
-        elif "." in text:
-            self._pointed = self._pointed or (text, column)
+        if not _WHOLE[self._decimal].fullmatch(text):
+            self.is_possible = self.is_possible and not _UNMARKED[self._decimal].match(text)
+        elif DECIMALS[self._decimal] in text:
+            self._marked = self._marked or (text, column)
         else:
             self._has_plain = True
 
     def require_none(self) -> None:
         """Raise InputError if it is possible."""
-        if self.is_possible and self._has_plain and self._pointed is not None:
-            text, column = self._pointed
-            what = f"{text} beside whole numbers: a decimal point, or a mark between thousands?"
-            expected = "--decimal point if it is one, else numbers without marks between thousands"
+        if self.is_possible and self._has_plain and self._marked is not None:
+            text, column = self._marked
+            what = f"{text} beside whole numbers: a decimal {self._decimal}, or a mark between thousands?"
+            expected = f"--decimal {self._decimal} if it is one, else numbers without marks between thousands"
             raise InputError(what, column=describe_shortened(column), expected=expected)

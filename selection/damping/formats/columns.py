@@ -14,7 +14,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats.cells import DECIMALS, NUMBER, Thousands, read_number
+from damping.formats.cells import DECIMALS, NUMBER, Thousands, find_decimal, read_number
 from damping.formats.headers import PHASES, ColumnHeader, find_shared_name, merge_units, parse_header, recognise
 from damping.records.text import CsvRows, count, describe_cell, describe_meant, describe_shortened, recode, unguarded
 
@@ -116,13 +116,10 @@ def _describe_delimiter(lines: Sequence[str]) -> str:
 
 
 def _describe_decimal(lines: Sequence[str], delimiter: str) -> str:
-    """``comma`` if numbers have commas and none has a point, else ``point``."""
+    """The decimal mark of a table: ``point`` between commas."""
     if delimiter == "comma":
         return "point"
-    cells = [cell.strip() for line in lines[:20] for cell in _list_cells(line, delimiter)]
-    commas = any("," in cell and NUMBER["comma"].fullmatch(cell) for cell in cells)
-    points = any("." in cell and NUMBER["point"].fullmatch(cell) for cell in cells)
-    return "comma" if commas and not points else "point"
+    return find_decimal({cell.strip() for line in lines[:20] for cell in _list_cells(line, delimiter)})
 
 
 @dataclass(frozen=True)
@@ -134,7 +131,7 @@ class TextTable:
     layout: Layout
     line: int  #: of the header
     headers: tuple[ColumnHeader, ...]
-    is_doubtful: bool  #: points may be marks between thousands
+    is_doubtful: bool  #: decimal marks may stand between thousands
     places: tuple[int, ...] = ()  #: of its columns in the file, if it has only some of them
     level: tuple[float, str] | None = None  #: that these are of, with its unit
 
@@ -150,7 +147,7 @@ class TextTable:
         values = {role: array("d") for role in places if role != "sweep"}
         gapless = set(values) - {"force"} if "time" in places and not {"frequency", "omega"} & set(places) else set()
         labels: list[str] | None = [] if "sweep" in places else None
-        thousands = Thousands(is_possible=self.is_doubtful)
+        thousands = Thousands(decimal, is_possible=self.is_doubtful)
         for line, row in rows:
             if len(row) != len(names):
                 expected = f"{len(names)} as in the header"
@@ -187,7 +184,7 @@ def open_table(data: bytes, delimiter: str = "auto", skip: int = 0, decimal: str
         raise InputError("no header", expected=f"a row of column names after {skip} lines")
     line, names, _ = _read_header(data, layout, skip)
     layout, headers = replace(layout, encoding=encoding), tuple(map(parse_header, names))
-    is_doubtful = decimal == "auto" and layout.decimal == "point" and layout.delimiter != "comma"
+    is_doubtful = decimal == "auto" and layout.delimiter != "comma"
     return TextTable(data, skip, layout, line, headers, is_doubtful)
 
 
@@ -206,7 +203,10 @@ def _read_header(data: bytes, layout: Layout, skip: int) -> tuple[int, list[str]
 
 
 def find_roles(
-    table: TextTable, mapped: Mapping[str, str], known: Mapping[str, Iterable[str]]
+    headers: Sequence[ColumnHeader],
+    mapped: Mapping[str, str],
+    known: Mapping[str, Iterable[str]],
+    line: int | None = None,
 ) -> tuple[dict[str, int], str | None]:
     """Places of the columns that have a role, and the response type from a name; '' if that is a single letter.
 
@@ -216,10 +216,10 @@ def find_roles(
             if it is empty.
         known: names of columns by role, in lower case and without units; they take precedence over names in laboratory
             tables (``headers.recognise``).
+        line: of the headers in a text.
 
     InputError: a missing or repeated column, or no column with a role.
     """
-    headers, line = table.headers, table.line
     by_name, response = _by_name(headers, known)
     places = {role: find_stated(name, headers, line) for role, name in mapped.items()}
     if mapped:
@@ -239,7 +239,7 @@ def find_roles(
         expected = "one, or --column ROLE=NAME or NUMBER"
         raise InputError(f"several columns are {describe_shortened(name)!r}", line=line, expected=expected)
     if not {*places, *found} - {"sweep"}:
-        raise _no_role(table)
+        raise _no_role([header.text for header in headers], line)
     return places | found, response
 
 
@@ -282,14 +282,13 @@ def find_stated(name: str, headers: Sequence[ColumnHeader], line: int | None = N
     raise InputError(message, line=line, expected=f"one of {describe_shortened(', '.join(names), 100)}")
 
 
-def _no_role(table: TextTable) -> InputError:
-    names = [header.text for header in table.headers]
-    if table.layout.numbered:
+def _no_role(names: list[str], line: int | None) -> InputError:
+    if names == [str(k + 1) for k in range(len(names))]:
         expected = f"--column ROLE=NUMBER of its {len(names)} columns, such as frequency=1"
         return InputError("the table has no header", expected=expected)
     expected = f"--column ROLE=NAME; it has {describe_shortened(', '.join(names), 100)}"
     message = f"no column has the name of a role{_describe_other_delimiter(names)}"
-    return InputError(message, line=table.line, expected=expected)
+    return InputError(message, line=line, expected=expected)
 
 
 def _describe_other_delimiter(names: list[str]) -> str:

@@ -1,10 +1,11 @@
 """Levels side by side in a table: the columns of each level, such as ``0.5 g amp``, as a table of its own."""
 
 import re
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import prod
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -12,9 +13,10 @@ from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.arrays import read_arrays
 from damping.formats.columns import TextTable
-from damping.formats.headers import NAMES, SCALING_WITHIN, ColumnHeader, parse_header, recognise
+from damping.formats.headers import ABSCISSAS, NAMES, SCALING_WITHIN, ColumnHeader, parse_header, recognise
 from damping.formats.quantity import find_powers, unit
 from damping.formats.sampling import split
+from damping.formats.series import Samples
 from damping.records.text import describe_shortened
 
 #: A level in a label: a number with a unit, as 0.5 g, 0,5 g or, in names of files, 0p5g.
@@ -34,18 +36,40 @@ def find_level(text: str) -> tuple[float, str] | None:
     return (float(re.sub("[,p]", ".", match[1])), re.sub("m/s.*", "m/s^2", match[2])) if match else None
 
 
-def write_levels(path: str | Path, kind: str, max_size: int) -> bytes | None:
-    """Levels side by side in a file of arrays as a text table with tabs; None if the names of its arrays hold none.
+@dataclass(frozen=True)
+class ArrayTable:
+    """Arrays of numbers as the columns of a table, as ``columns.TextTable`` is."""
 
-    It has every array that is as long as those of the levels, a complex one as its parts, which are called re and im
-    alone if a level has no other. InputError: as of ``read_arrays``.
+    headers: tuple[ColumnHeader, ...]
+    columns: tuple[Samples, ...]  #: values of every array
+    places: tuple[int, ...] = ()  #: of its columns among the arrays, if it has only some of them
+    level: tuple[float, str] | None = None  #: that these are of, with its unit
+    line: None = None  #: a text has that of its header
+
+    def read(self, places: Mapping[str, int]) -> tuple[dict[str, Samples], tuple[str, ...] | None]:
+        """Columns by role, and the text of the role ``sweep`` in each row; None if it has no place, or one number."""
+        of_file = self.places or range(len(self.headers))
+        values = {role: self.columns[of_file[place]] for role, place in places.items()}
+        sweep = values.pop("sweep", np.empty(0)).real.reshape(-1)
+        is_of_rows = len(sweep) == max((values[role].size for role in ABSCISSAS if role in values), default=0)
+        return values, tuple(f"{value:g}" for value in sweep) if is_of_rows and len(sweep) else None
+
+
+AnyTable = TypeVar("AnyTable", bound=TextTable | ArrayTable)
+
+
+def read_levels(path: str | Path, kind: str, max_size: int) -> list[ArrayTable]:
+    """Levels side by side in a file of arrays, a table each; none if the names of its arrays hold none.
+
+    Each has every array that is as long as those of the levels, a complex one as its parts, which are called re and im
+    alone if a level has no other. InputError: as of ``read_arrays`` and `find_levels`.
     """
     contents = read_arrays(path, kind, [], None, rows=(0, 1))
     known, steps = contents.known, contents.steps
     lengths = {prod(known[name]) for name in known if find_level(_space(split(name)[-1]))}
     names = [name for name, shape in known.items() if {prod(shape)} == lengths and name not in steps]
     if all(find_level(_space(split(name)[-1])) for name in names) or max(lengths) > _MOST_ROWS:  # no frequency
-        return None
+        return []
     contents = read_arrays(path, kind, names, max_size)
     arrays = {name: contents.arrays[name][0].reshape(-1) for name in names if name in contents.arrays}
     levels = [find_level(_space(split(name)[-1])) for name, values in arrays.items() if np.iscomplexobj(values)]
@@ -58,11 +82,10 @@ def write_levels(path: str | Path, kind: str, max_size: int) -> bytes | None:
             columns |= {f"{title} re{unit_text}": values.real, f"{title} im{unit_text}": values.imag}
         else:
             columns[f"{leaf}{unit_text}"] = values
-    rows = [[*columns], *([repr(float(value)) for value in row] for row in zip(*columns.values(), strict=True))]
-    return "".join("\t".join(row) + "\n" for row in rows).encode()
+    return split_levels(ArrayTable(tuple(map(parse_header, columns)), tuple(columns.values())))
 
 
-def split_levels(table: TextTable) -> list[TextTable]:
+def split_levels(table: AnyTable) -> list[AnyTable]:
     """A table for each level as of `find_levels`, its headers without it. InputError: as there."""
     by_level = find_levels(table.headers, table.line)
     return [

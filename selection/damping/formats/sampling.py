@@ -21,8 +21,8 @@ def last_name(path: str) -> str:
 
 
 def split(path: str) -> list[str]:
-    """Groups or structures of an array, and its own name."""
-    return path.replace(".", "/").split("/")
+    """Groups or structures of an array, and its own name; a point is part of the name of a group: ``run_0.3g/acc``."""
+    return path.split("/" if "/" in path else ".")
 
 
 def find_abscissa(known: Shapes, main: str) -> dict[str, str]:

@@ -26,6 +26,7 @@ from damping.records.text import count, name_apart
 MOST_ROWS = 100_000
 FEWEST_LEVELS = 3  #: levels from which digits show which column was held: of two, both may be round by chance
 ROUND_DIGITS = 2  #: most significant digits of a level that somebody chose
+_FOLLOWS = "follows: a passive structure absorbs energy"
 _POWERS = {"energy": (1, 1, 0), "mass": (1, -1, 2)}
 
 
@@ -214,7 +215,10 @@ def _turned(response: FloatArray, X: FloatArray, frequency: FloatArray, label: s
         remedy = "--reverse (a sensor mounted against the force), or " if turned and not passive else ""
         raise InputError(message, expected=f"{remedy}--column lead_deg=NAME or lag_deg=NAME (lead or phase in rad)")
     sense = "a lead of the response" if passive[0] is X else "a lag of the response"
-    known.summary.add("phase", sense, "follows: a passive structure absorbs energy")
+    known.summary.add("phase", sense, _FOLLOWS)
+    if len([row for row in known.summary.rows if (row[0], row[2]) == ("phase", _FOLLOWS)]) > 1:
+        message = f"by its direction the phase of {label!r} is {sense}, unlike that of sweeps before it"
+        raise InputError(message, expected="one sense: --column lead_deg=NAME or lag_deg=NAME (lead or phase in rad)")
     return passive[0]
 
 

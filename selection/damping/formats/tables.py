@@ -15,7 +15,7 @@ from damping.formats import find_format
 from damping.formats.arrays import list_members, read_arrays
 from damping.formats.columns import TextTable, open_table
 from damping.formats.headers import ColumnHeader
-from damping.formats.levels import find_levels
+from damping.formats.levels import ArrayTable, find_level, split_levels
 from damping.formats.named import list_units, require_linear, to_series
 from damping.formats.sampling import split
 from damping.formats.sensors import describe_array, find_setting
@@ -31,16 +31,20 @@ class SensorTable:
     """Columns by place: their headers, and the text or the arrays that they are of."""
 
     label: str
-    headers: tuple[ColumnHeader, ...]
     setting: Mapping[str, int]  #: columns of the roles ``sensors.SETTING``
-    content: TextTable | Sequence[Samples]
+    content: TextTable | ArrayTable
+
+    @property
+    def headers(self) -> tuple[ColumnHeader, ...]:
+        """Headers of the columns."""
+        return self.content.headers
 
     @property
     def is_complex(self) -> list[bool]:
         """Whether each column is of complex values."""
-        if isinstance(self.content, TextTable):
-            return [False] * len(self.headers)
-        return [np.iscomplexobj(values) for values in self.content]
+        of_file = self.content.places or range(len(self.headers))
+        arrays = self.content.columns if isinstance(self.content, ArrayTable) else ()
+        return [bool(arrays) and np.iscomplexobj(arrays[place]) for place in of_file]
 
     @property
     def rows(self) -> dict[str, int]:
@@ -49,26 +53,18 @@ class SensorTable:
 
     def read(self, further: Sequence[int]) -> tuple[dict[int, Samples], Sequence[str] | None]:
         """Values by place of the columns that set a row, and of ``further`` ones; and the label of each row."""
-        rows = self.rows
-        if isinstance(self.content, TextTable):
-            roles = rows | {str(k): k for k in further if k not in rows.values()}
-            numbers, texts = self.content.read(roles)
-            return {roles[role]: values for role, values in numbers.items()}, texts
-        sweep = self.content[rows["sweep"]].real.reshape(-1) if "sweep" in rows else None
-        n = max(self.content[k].size for role, k in rows.items() if role != "sweep")
-        labels = None if sweep is None or len(sweep) != n else [f"{value:g}" for value in sweep]
-        return {k: self.content[k] for k in (*rows.values(), *further)}, labels
+        roles = self.rows | {str(k): k for k in further if k not in self.rows.values()}
+        numbers, texts = self.content.read(roles)
+        return {roles[role]: values for role, values in numbers.items()}, texts
 
     def split_levels(self) -> "list[SensorTable]":
         """A table for each level that the names of columns hold (``levels.find_levels``), else the table."""
-        by_level = find_levels(self.headers, self.content.line if isinstance(self.content, TextTable) else None)
-        return [self._take_level(f"{level:g} {text}", of) for (level, text), of in by_level.items()] or [self]
+        return [self._take_level(table) for table in split_levels(self.content)] or [self]
 
-    def _take_level(self, label: str, columns: Mapping[int, ColumnHeader]) -> "SensorTable":
-        places, content = tuple(sorted(columns)), self.content
-        setting = {role: places.index(place) for role, place in self.setting.items() if place in columns}
-        of_level = replace(content, places=places) if isinstance(content, TextTable) else [content[k] for k in places]
-        return SensorTable(label, tuple(columns[k] for k in places), setting, of_level)
+    def _take_level(self, table: TextTable | ArrayTable) -> "SensorTable":
+        of, (level, text) = table.places, table.level or (0.0, "")
+        setting = {role: of.index(place) for role, place in self.setting.items() if place in of}
+        return SensorTable(f"{level:g} {text}", setting, table)
 
 
 def read_tables(path: Path, stated: Stated, summary: Summary, max_size: int) -> list[SensorTable]:
@@ -105,7 +101,7 @@ def _lay_out(label: str, data: bytes, stated: Stated) -> list[SensorTable]:
     if table.layout.numbered:
         expected = "a line of names, such as frequency [Hz], force [N], tip [g], tip phase [deg]"
         raise InputError(f"{label}: the table has no header", expected=expected)
-    return SensorTable(label, table.headers, find_setting(table.headers, stated.columns), table).split_levels()
+    return SensorTable(label, find_setting(table.headers, stated.columns), table).split_levels()
 
 
 def _list_array_tables(path: Path, kind: str, stated: Stated, max_size: int) -> list[SensorTable]:
@@ -133,7 +129,8 @@ def _list_array_tables(path: Path, kind: str, stated: Stated, max_size: int) -> 
             tables += _read_group(path, kind, wanted, group or path.stem, stated, max_size)
     if not tables:
         raise _no_abscissa(", ".join(known))
-    return tables if len(tables) > 1 else [replace(tables[0], label=path.stem)]
+    is_named = len(tables) > 1 or find_level(tables[0].label.replace("_", " "))
+    return tables if is_named else [replace(tables[0], label=path.stem)]
 
 
 def _leaf(name: str) -> str:
@@ -159,17 +156,20 @@ def _read_group(
     headers = [describe_array(name, contents.units.get(name, "")) for name in names]
     sweeps, tables = list_members(names, contents.arrays), []
     for k, values in enumerate(sweeps, 1):
-        columns = _split_sensors(list(zip(headers, values, strict=True)), _find_rows(names, stated))
-        of_sweep, own = tuple(header for header, _ in columns), label if len(sweeps) == 1 else f"{label} {k}"
-        setting = _find_rows([header.text for header in of_sweep], stated)
-        tables += SensorTable(own, of_sweep, setting, [array for _, array in columns]).split_levels()
+        columns = _split_sensors(list(zip(headers, values, strict=True)), _find_rows(names, stated), kind)
+        table = ArrayTable(tuple(header for header, _ in columns), tuple(array for _, array in columns))
+        setting = _find_rows([header.text for header in table.headers], stated)
+        tables += SensorTable(label if len(sweeps) == 1 else f"{label} {k}", setting, table).split_levels()
     return tables
 
 
 def _split_sensors(
-    columns: Sequence[tuple[ColumnHeader, Samples]], rows: Mapping[str, int]
+    columns: Sequence[tuple[ColumnHeader, Samples]], rows: Mapping[str, int], kind: str
 ) -> list[tuple[ColumnHeader, Samples]]:
-    """Arrays with a column for each sensor as columns ``name(:,1)``; unchanged if there is a force for each column."""
+    """Arrays with a column for each sensor as columns ``name(:,1)``; unchanged if there is a force for each column.
+
+    Of those with a row for each sensor ``name(1,:)``; in HDF5, as its readers count, ``name[0]``.
+    """
     n = columns[next(rows[role] for role in ("frequency", "omega") if role in rows)][1].size
     per_sweep = [columns[rows[role]][1].size for role in ("force", "sweep") if role in rows]
     parts = []
@@ -180,7 +180,8 @@ def _split_sensors(
             continue
         across = values.shape[0] == n
         for k, part in enumerate(values.reshape(n, many).T if across else values.reshape(many, n), 1):
-            name = f"{header.name}(:,{k})" if across else f"{header.name}({k},:)"
+            row = f"[{k - 1}]" if kind == "hdf5" else f"({k},:)"
+            name = f"{header.name}(:,{k})" if across else f"{header.name}{row}"
             parts.append((replace(header, text=name, name=name, title=name), part))
     return parts
 

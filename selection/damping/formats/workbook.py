@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from damping.errors import AnalysisError, InputError
-from damping.formats.cells import find_decimal, write_plainly
+from damping.formats.cells import are_in_threes, find_decimal, write_plainly
 from damping.records.text import describe_shortened
 
 if TYPE_CHECKING:
@@ -84,7 +84,8 @@ def _write_rows(rows: Sequence[list[object]], decimal: str) -> bytes:
     first = next(k for k, row in enumerate(rows) if len(row) == width)  # those above have cells of their own number
     padded = (row if k < first or not row else [*row, *[""] * (width - len(row))] for k, row in enumerate(rows))
     if decimal == "auto":
-        decimal = find_decimal({cell for row in rows for cell in row if isinstance(cell, str)})
+        texts = {cell for row in rows for cell in row if isinstance(cell, str)}
+        decimal = "point" if are_in_threes(texts) else find_decimal(texts)
 
     def write(cell: object) -> str:
         return write_plainly(cell, decimal) if decimal != "point" and isinstance(cell, str) else str(cell)
