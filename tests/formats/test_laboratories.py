@@ -754,3 +754,8 @@ def test_a_phase_without_a_number_is_none(truth, tmp_path, imported, header):
     assert not {"phase", "phase_sd"} & set(found.record.table)
     np.testing.assert_allclose(found.record.column("amplitude"), truth.amplitude, rtol=1e-12)
     assert any("holds no number" in note for note in found.summary.notes)
+
+
+@pytest.mark.parametrize(("text", "scaling"), [("acc1rms", "rms"), ("tip_rms_g", "rms"), ("app", None), ("rms1", None)])
+def test_a_scaling_may_follow_the_number_of_a_sensor(text, scaling):
+    assert parse_header(text).scaling == scaling

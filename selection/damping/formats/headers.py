@@ -28,7 +28,7 @@ _SCALINGS = (
 )
 #: g rms, Accel [g] (rms)
 _SCALING = re.compile(rf"(?i)(?P<apart>[\s_,-]*(?P<open>[\[(])?){_SCALINGS}\.?(?(open)[\])])$")
-SCALING_WITHIN = re.compile(rf"(?i)(?<![^\W_]){_SCALINGS}(?![^\W_])")  # RMS tip, tip_rms_g
+SCALING_WITHIN = re.compile(rf"(?i)(?<![^\W\d_]){_SCALINGS}(?![^\W_])")  # RMS tip, tip_rms_g, tip1rms
 _DECIBELS = re.compile(r"dB(?![a-z])|(?<![A-Za-z])(?:db|DB)(?![A-Za-z])")  # HdB, Accel_dB, dB re 1 g
 _ANGLES = dict.fromkeys(("deg", "degree", "degrees", "°", "grad", "degrés", "grados", "gradi"), "degrees") | {
     "rad": "radians"
