@@ -114,3 +114,16 @@ def test_a_wrong_force_is_named_whatever_bends_the_damping(power):
     assert found_in(table, None) == []
     wrong = [check for check, _ in found_in(at_level(table, "0", force=0.5), None)]
     assert "level-offset" in wrong or "amplitude-falls" in wrong
+
+
+@pytest.mark.parametrize("rows", [1, 7])
+def test_a_channel_that_holds_one_value_is_refused(rows):
+    """It gave a damping ratio of nine times the true one without a word: force over a held amplitude grows as force."""
+    table = swept(np.linspace(-2.0, 2.0, rows) if rows > 1 else np.zeros(1), levels=4)
+    assert ("repeated-sweep", "refuse") in found_in(table.assign(amplitude=0.01))
+
+
+def test_a_response_held_by_its_controller_is_no_held_channel():
+    """The force falls at resonance by as much as the amplitude would have grown."""
+    table = swept(np.linspace(-3.0, 3.0, 9), levels=1)
+    assert found_in(table.assign(force=table["force"] * 0.01 / table["amplitude"], amplitude=0.01)) == []

@@ -72,6 +72,10 @@ LEAST_STEP = 5.0
 
 def check_copied_rows(view: View) -> Finding | None:
     """Successive rows of a sweep that hold one reading while the frequency moves, or repeat rows elsewhere."""
+    if _holds_one_reading(view):
+        what = f"every amplitude is {view.raw[0].A[0]:g} to the last digit, whatever the force or the lag"
+        advice = "does the channel hold its last value, or is another column read? check it, and run again"
+        return Finding("repeated-sweep", "refuse", what, advice, view.record.sweeps)
     held = [(run, *block) for run in view.raw for block in _find_held_rows(run)]
     if held:
         run, first, last = held[0]
@@ -85,6 +89,26 @@ def check_copied_rows(view: View) -> Finding | None:
     what = f"{_name_rows(run, first, last)} repeat {_name_rows(other, start, start + last - first)} to the last digit, "
     advice = "one of the two was not measured there: leave it out, or run again"
     return Finding("repeated-sweep", "caution", f"{what}as no measurement does", advice, label_sweeps((other, run)))
+
+
+#: Amplitudes of any mode differ where the lag turns by this, rad (from resonance on, by 30 %),
+TURNED = 0.25 * np.pi
+#: or where the force of single rows differs by this factor, unless readings have one digit.
+FORCED = 2.0
+STEADY = 1.12  #: largest ratio of forces within a sweep whose response is not held by a controller
+
+
+def _holds_one_reading(view: View) -> bool:
+    """Whether all amplitudes are one number, though the lags or the forces of single rows must have changed them."""
+    A, F = view.record.column("amplitude"), view.record.column("force")
+    if len(A) < FEWEST_ROWS or np.ptp(A) > 0.0:
+        return False
+    swept = [run for run in view.raw if len(run) > 1]
+    if not swept:
+        return bool(F.max() > FORCED * F.min())
+    return all(
+        run.phase is not None and np.ptp(run.phase) > TURNED and run.F.max() < STEADY * run.F.min() for run in swept
+    )
 
 
 def _name_rows(run: Run, first: int, last: int) -> str:
