@@ -14,13 +14,13 @@ MODE = Mode(name="own", frequency=HERTZ, mass=MASS, source="own.toml")
 NOISE = 0.01
 
 
-def swept(half_widths: np.ndarray, levels: int = 3) -> pd.DataFrame:
-    """Sweeps of a linear mode at distances from resonance in half-power half-widths, with noise of one per cent."""
+def swept(half_widths: np.ndarray, levels: int = 3, noise: float = NOISE) -> pd.DataFrame:
+    """Sweeps of a linear mode at distances from resonance in half-power half-widths."""
     omega, rng, tables = OMEGA_N * (1.0 + ZETA * half_widths), np.random.default_rng(11), []
     compliance = 1.0 / (MASS * (OMEGA_N**2 - omega**2 + 2j * ZETA * OMEGA_N * omega))
     for level in range(levels):
-        phasor = 2.0**level * compliance * np.exp(NOISE * rng.standard_normal(len(omega)))
-        phase = -np.angle(phasor) + NOISE * rng.standard_normal(len(omega))
+        phasor = 2.0**level * compliance * np.exp(noise * rng.standard_normal(len(omega)))
+        phase = -np.angle(phasor) + noise * rng.standard_normal(len(omega))
         columns = {"frequency": omega / (2.0 * np.pi), "amplitude": abs(phasor), "phase": phase}
         tables.append(pd.DataFrame({"sweep": f"{level}", "force": 2.0**level, **columns}))
     return pd.concat(tables, ignore_index=True)
@@ -127,3 +127,15 @@ def test_a_response_held_by_its_controller_is_no_held_channel():
     """The force falls at resonance by as much as the amplitude would have grown."""
     table = swept(np.linspace(-3.0, 3.0, 9), levels=1)
     assert found_in(table.assign(force=table["force"] * 0.01 / table["amplitude"], amplitude=0.01)) == []
+
+
+@pytest.mark.parametrize("rows", [5, 15])
+@pytest.mark.parametrize("phase", [True, False])
+def test_computed_sweeps_of_a_linear_mode_are_no_copies(rows, phase):
+    """They are multiples of each other by nature; those with noise are not, and a copied one is named."""
+    span = np.linspace(-4.0, 4.0, rows)
+    dropped = [] if phase else ["phase"]
+    assert found_in(swept(span, noise=0.0).drop(columns=dropped)) == []
+    noisy = swept(span, levels=1).drop(columns=dropped)
+    copy = noisy.assign(sweep="copy", force=3.0 * noisy["force"], amplitude=3.0 * noisy["amplitude"])
+    assert ("repeated-sweep", "caution") in found_in(pd.concat([noisy, copy], ignore_index=True))

@@ -6,7 +6,7 @@ import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ
 from damping.records.check_ceiling import find_resolution
-from damping.records.runs import FEWEST_ROWS, Run, slide_median
+from damping.records.runs import FEWEST_ROWS, Run, fit_parabola, slide_median
 from damping.records.view import Finding, View, label_sweeps
 
 
@@ -59,9 +59,15 @@ def _find_factor(first: Run, second: Run) -> float | None:
     if len(first) < FEWEST_ROWS:
         return 1.0 if same and np.allclose(first.F, second.F, rtol=1e-12, atol=0.0) else None
     ratio = np.log(second.A / first.A)
-    noisy = first.noise > NOISE_OF_COPY * COPY
+    noisy = min(first.noise, _measure_misfit(first)) > NOISE_OF_COPY * COPY
     scaled = noisy and np.ptp(np.log(second.F / first.F)) <= COPY and np.ptp(ratio) < COPY
     return 1.0 if same else float(np.exp(np.median(ratio))) if scaled else None
+
+
+def _measure_misfit(run: Run) -> float:
+    """Median misfit of |Y|^2 by a parabola in omega^2, which computed rows of a linear mode follow."""
+    fitted, size = fit_parabola(run.omega, run.F / run.A), run.F / run.A
+    return np.inf if fitted is None else float(np.median(np.abs(fitted.at(run.omega) / size**2 - 1.0)))
 
 
 #: Fewest successive rows that repeat others, with and without phases: fewer may agree by chance.
