@@ -100,3 +100,17 @@ def test_a_force_that_falls_at_resonance_at_every_level_is_no_ceiling():
     table = measured(clean(BENCH), BENCH)
     lost = dropped_out(table, BENCH, 0.5).assign(force=table["force"])
     assert "sensor-saturation" not in found_in(lost, BENCH)
+
+
+STEPS = 25.0  #: of the converter, up to the largest reading
+
+
+@pytest.mark.parametrize("phase", [True, False])
+def test_readings_in_steps_of_a_converter_are_no_ceiling(phase):
+    """Several rows about a peak share one step of the converter, which is written in six digits."""
+    bench = replace(BENCH, rows=61, noise=0.0, phase=phase)
+    table = measured(clean(bench), bench)
+    step = table["amplitude"].max() / STEPS * 1.00123
+    stepped = table.assign(amplitude=np.maximum(np.round(table["amplitude"] / step), 1.0) * step)
+    assert "sensor-saturation" not in found_in(stepped, bench)
+    assert "sensor-saturation" in found_in(ceiling(0.6)(stepped), bench)

@@ -47,7 +47,9 @@ def find_participation(states: Iterable[tuple[Record, float, float]]) -> Partici
     for record, mass, everywhere in states:
         masses, added = record.masses(mass), record.added_masses + everywhere
         as_measured = Record.trusted(record.frame.drop(columns="added_mass", errors="ignore"), record.source)
-        implied = View(as_measured, None).implied
+        view = View(as_measured, None)
+        of_line = {leg.run.sweep for leg in view.legs if leg.lag is not None and not leg.paired}  # bent by a spring
+        implied = view.implied[~view.implied["sweep"].isin(of_line)]
         label = record.frame["sweep"].to_numpy()
         for sweep, slope in zip(implied["sweep"], implied["mass"], strict=True):
             M, m_a = masses[label == sweep], added[label == sweep]

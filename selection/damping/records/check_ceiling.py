@@ -16,8 +16,9 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.records.implied import Implied
+from damping.records.leg import Leg
 from damping.records.runs import Run, fit_parabola
-from damping.records.view import Finding, Leg, View, label_sweeps, name_sweeps
+from damping.records.view import Finding, View, label_sweeps, name_sweeps
 
 TOP = 0.9  #: readings above this share of the largest of a sweep are near a possible ceiling
 WINGS = 0.6  #: readings below this share are in the wings, and are not clipped
@@ -161,7 +162,8 @@ def find_ceiling(written: FloatArray, F: FloatArray, *, per_force: bool = False)
     A = written * F if per_force else written
     top = float(A.max(initial=0.0))
     below = 1.0 - A / top if top > 0.0 else np.zeros(len(A))
-    near, beside = below <= LAST_DIGIT, int(np.sum(below <= 4.0 * LAST_DIGIT))
+    step = max(LAST_DIGIT, find_resolution(A) / top) if top > 0.0 else LAST_DIGIT
+    near, beside = below <= step, int(np.sum(below <= 4.0 * step))
     if near.sum() < FEWEST_FLAT or np.sum(below > FLAT) < FEWEST_BESIDE or beside >= SMOOTH * near.sum():
         return None
     steady = np.ptp(F[near]) <= STEADY * F[near].max()

@@ -6,7 +6,7 @@ import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ
 from damping.records.check_ceiling import find_resolution
-from damping.records.runs import FEWEST_ROWS, Run, slide_median
+from damping.records.runs import FEWEST_ROWS, Run, fit_parabola, slide_median
 from damping.records.view import Finding, View, label_sweeps
 
 
@@ -59,9 +59,15 @@ def _find_factor(first: Run, second: Run) -> float | None:
     if len(first) < FEWEST_ROWS:
         return 1.0 if same and np.allclose(first.F, second.F, rtol=1e-12, atol=0.0) else None
     ratio = np.log(second.A / first.A)
-    noisy = first.noise > NOISE_OF_COPY * COPY
+    noisy = min(first.noise, _measure_misfit(first)) > NOISE_OF_COPY * COPY
     scaled = noisy and np.ptp(np.log(second.F / first.F)) <= COPY and np.ptp(ratio) < COPY
     return 1.0 if same else float(np.exp(np.median(ratio))) if scaled else None
+
+
+def _measure_misfit(run: Run) -> float:
+    """Median misfit of |Y|^2 by a parabola in omega^2, which computed rows of a linear mode follow."""
+    fitted, size = fit_parabola(run.omega, run.F / run.A), run.F / run.A
+    return np.inf if fitted is None else float(np.median(np.abs(fitted.at(run.omega) / size**2 - 1.0)))
 
 
 #: Fewest successive rows that repeat others, with and without phases: fewer may agree by chance.
@@ -72,6 +78,10 @@ LEAST_STEP = 5.0
 
 def check_copied_rows(view: View) -> Finding | None:
     """Successive rows of a sweep that hold one reading while the frequency moves, or repeat rows elsewhere."""
+    if _holds_one_reading(view):
+        what = f"every amplitude is {view.raw[0].A[0]:g} to the last digit, whatever the force or the lag"
+        advice = "does the channel hold its last value, or is another column read? check it, and run again"
+        return Finding("repeated-sweep", "refuse", what, advice, view.record.sweeps)
     held = [(run, *block) for run in view.raw for block in _find_held_rows(run)]
     if held:
         run, first, last = held[0]
@@ -85,6 +95,26 @@ def check_copied_rows(view: View) -> Finding | None:
     what = f"{_name_rows(run, first, last)} repeat {_name_rows(other, start, start + last - first)} to the last digit, "
     advice = "one of the two was not measured there: leave it out, or run again"
     return Finding("repeated-sweep", "caution", f"{what}as no measurement does", advice, label_sweeps((other, run)))
+
+
+#: Amplitudes of any mode differ where the lag turns by this, rad (from resonance on, by 30 %),
+TURNED = 0.25 * np.pi
+#: or where the force of single rows differs by this factor, unless readings have one digit.
+FORCED = 2.0
+STEADY = 1.12  #: largest ratio of forces within a sweep whose response is not held by a controller
+
+
+def _holds_one_reading(view: View) -> bool:
+    """Whether all amplitudes are one number, though the lags or the forces of single rows must have changed them."""
+    A, F = view.record.column("amplitude"), view.record.column("force")
+    if len(A) < FEWEST_ROWS or np.ptp(A) > 0.0:
+        return False
+    swept = [run for run in view.raw if len(run) > 1]
+    if not swept:
+        return bool(F.max() > FORCED * F.min())
+    return all(
+        run.phase is not None and np.ptp(run.phase) > TURNED and run.F.max() < STEADY * run.F.min() for run in swept
+    )
 
 
 def _name_rows(run: Run, first: int, last: int) -> str:

@@ -9,8 +9,9 @@ import pandas as pd
 from damping.arrays import BoolArray, FloatArray
 from damping.forces import component
 from damping.records.check_units import SMALL_RATIO, describe_unusual_ratio, name_factor, name_unit
+from damping.records.leg import Leg
 from damping.records.mode import Mode
-from damping.records.view import Finding, Leg, NamedFinding, View, name_sweeps, take_median
+from damping.records.view import Finding, NamedFinding, View, name_sweeps, take_median
 
 FORCE_STEP = 1.1  #: levels are compared if their forces differ by this factor
 FALLEN = 0.87  #: a resonant amplitude falls if it is below this share of that at a lower force
@@ -24,7 +25,8 @@ HOPELESS = 2.0
 #: Pairs of rows of a bent resonance, on the branch that jumps, turn the mass that they imply and make it smaller.
 TURNED = 0.1
 FAR_MASS = 1.27  #: factor from which a mass is far from the others or the mode file's
-FAR_MASS_WITHOUT_PHASE = 1.8  #: without phases the mass comes from a parabola, which a bent resonance does not follow
+#: Without phases, or in few rows, the mass comes from a parabola or a line, which a bent resonance does not follow.
+FAR_MASS_WITHOUT_PHASE = 1.8
 
 
 @dataclass(frozen=True)
@@ -130,7 +132,7 @@ def find_odd_masses(view: View, table: pd.DataFrame) -> list[OddMass]:
     if len(table) < 2:
         return []
     phased = all(leg.lag is not None for leg in view.legs)
-    far = log(FAR_MASS if phased else FAR_MASS_WITHOUT_PHASE)
+    far = log(FAR_MASS if view.paired else FAR_MASS_WITHOUT_PHASE)
     x = compare_masses(view, table)
     stated = bool(np.isfinite(view.stated_mass))
     same = np.abs(x - _find_shared(x, far, 0.0 if stated else float(np.median(x)))) < far
@@ -205,7 +207,7 @@ def check_beyond_model(view: View) -> Finding | None:
     frequency = float(hertz[0])
     if abs(log(frequency / view.mode.frequency)) > log(FAR_FREQUENCY):
         differences.append(f"resonance at {frequency:.4g} Hz, {view.mode.frequency:.4g} Hz in the mode file")
-    sure = all(leg.lag is not None for leg in view.legs) or _agree(view)
+    sure = view.paired or _agree(view)
     far_mass = FAR_MASS if sure else FAR_MASS_WITHOUT_PHASE
     base = view.mode.drive == "base"
     if not base and view.straight and view.mass_ratio > 0.0 and abs(log(view.mass_ratio)) > log(far_mass):
@@ -253,7 +255,7 @@ def _compare_structures(view: View, mode: Mode, hertz: FloatArray) -> Finding | 
     ``hertz``: frequency of every level without added mass. Only masses from phases are accurate enough.
     """
     stated, ratio = mode.tolerance, view.mass_ratio
-    phased = [leg.turn.scatter for leg in view.legs if leg.turn and leg.lag is not None and np.isfinite(leg.mass[0])]
+    phased = [leg.turn.scatter for leg in view.legs if leg.turn and leg.paired and np.isfinite(leg.mass[0])]
     if stated.from_record or mode.drive == "base" or not phased or not ratio > 0.0:
         return None
     nearest = float(hertz[np.argmin(np.abs(np.log(hertz / mode.frequency)))])

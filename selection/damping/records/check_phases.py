@@ -5,8 +5,9 @@ from math import pi
 import numpy as np
 
 from damping.effects.rig import LARGEST_LAG
-from damping.records.implied import is_in_turns
-from damping.records.view import Finding, NamedFinding, View, label_sweeps, name_sweeps
+from damping.records.implied import Implied, is_in_turns
+from damping.records.leg import SURE_OF_LINE
+from damping.records.view import MOST_OFFSET, Finding, NamedFinding, View, label_sweeps, name_sweeps
 
 
 def check_phase_unit(view: View) -> Finding | None:
@@ -63,7 +64,7 @@ def check_phase_offset(view: View) -> Finding | None:
     A diagnosis names one up to ``LARGEST_LAG``, within the accuracy of a phase meter; a larger one is another quantity,
     such as the phase of a velocity.
     """
-    turns = [(run, turn) for run, turn in view.turns if turn and turn.both_sides]
+    turns = [(run, turn) for run, turn in view.turns if turn and (turn.both_sides or _is_far(turn))]
     turns = [(run, turn) for run, turn in turns if run.sweep not in view.wrong_sign]
     if not turns:
         return None
@@ -79,9 +80,14 @@ def check_phase_offset(view: View) -> Finding | None:
     way = "large" if middle > 0.0 else "small"
     what = f"the phases are {abs(middle):.3f} rad ({np.degrees(abs(middle)):.1f} degrees) too {way}"
     what += f" in {name_sweeps(sweeps)}: they are not pi/2 between rows of like amplitude"
-    far = abs(middle) > 0.25 * pi
+    far = abs(middle) > MOST_OFFSET
     taken = f"{'take' if middle > 0.0 else 'add'} {abs(middle):.3f} {'off' if middle > 0.0 else 'to'} the column phase"
     before = f"before it is conditioned: lag = {middle:.3f} rad in [node], in the unit of the phase there"
     advice = f"correct the delay of the channels ({taken}; {before}), or look for a second mode beside"
     kind = NamedFinding if abs(middle) < LARGEST_LAG + OFFSET else Finding
     return kind("phase-offset", "refuse" if far else "caution", what, advice, sweeps)
+
+
+def _is_far(turn: Implied) -> bool:
+    """Whether a run too short for pairs has phases of another quantity: a bent resonance does not turn its line so."""
+    return turn.scatter < SURE_OF_LINE and abs(turn.offset) > MOST_OFFSET

@@ -27,6 +27,7 @@ class Implied:
     #: the structure would supply energy
     energy_sign: float
     miss: float  #: median misfit of Y by a straight line, relative to Y: 1 if phases and amplitudes are unrelated
+    bend: float  #: the same of Re Y without the offset, which no damping law bends
     both_sides: bool  #: whether pairs of rows across resonance were used
 
     @property
@@ -35,8 +36,7 @@ class Implied:
         return float(np.angle(self.mass))
 
 
-#: Least share of the structure in the moving mass; with more added mass it could not be determined.
-LEAST_OF_MASS = 0.01
+LEAST_OF_MASS = 0.01  #: least share of the structure in the moving mass; with more added it could not be determined
 _LEAST_SCATTER = 0.02  # of the sine of a phase, rad: rows that agree better are not known better, as no chain is
 
 
@@ -47,26 +47,37 @@ def find_implied(run: Run) -> Implied | None:
     # a mass added in every row counts as part of the structure: an offset turns the phasors of both
     added = float(run.added[0]) if np.ptp(run.added) == 0.0 else 0.0
     run = replace(run, added=run.added - added)
-    line, miss = fit_line(run)
+    line, line_scatter, rest = fit_line(run)
     pairs = _estimate_mass_of_pairs(run)
-    mass, scatter, damping = (line, 1.0, 0.0) if pairs is None else pairs
+    # longer runs without pairs are of one wing, or of a bistable mode: their line is bent, however small its error
+    without_pairs = (line, line_scatter if len(run) <= 2 * ROWS_ASIDE else 1.0, 0.0)
+    mass, scatter, damping = without_pairs if pairs is None else pairs
     structure_share = max(1.0 - added / max(abs(mass), 1e-300), LEAST_OF_MASS)
     turned = run.stiffness * np.exp(-1j * np.angle(mass))
     sine = turned.imag / np.abs(turned)
     weight = (run.A / run.F) ** 2
     mean = float(weight @ sine / weight.sum())
     error = float(np.sqrt((weight**2) @ ((sine - mean) ** 2 + _LEAST_SCATTER**2)) / weight.sum())
-    return Implied(structure_share * mass, scatter / structure_share, damping, mean / error, miss, pairs is not None)
+    miss, bend = np.median(np.abs([rest, (rest * np.exp(-1j * np.angle(mass))).real]), axis=1)
+    mass, scatter = structure_share * mass, scatter / structure_share
+    return Implied(mass, scatter, damping, mean / error, float(miss), float(bend), pairs is not None)
 
 
-def fit_line(run: Run) -> tuple[complex, float]:
-    """-slope of Y against omega^2, by least squares relative to |Y|, and the median misfit relative to |Y|."""
+def fit_line(run: Run) -> tuple[complex, float, ComplexArray]:
+    """-slope of Y on omega^2 by least squares relative to |Y|, its relative error, and residuals over |Y|, (n,)."""
     x = run.omega**2 / np.mean(run.omega**2)
     weight = run.A / run.F
     design = np.column_stack([np.ones(len(x)), x - 1.0]) * weight[:, np.newaxis]
     values = np.linalg.lstsq(design.astype(complex), run.stiffness * weight)[0]
-    miss = float(np.median(np.abs(run.stiffness * weight - design @ values)))
-    return complex(-values[1] / np.mean(run.omega**2)), miss
+    rest = run.stiffness * weight - design @ values
+    variance = np.sum(np.abs(rest) ** 2) / max(len(rest) - 2, 1) * np.linalg.pinv(design.T @ design)[1, 1]
+    error = float(np.sqrt(variance) / max(abs(values[1]), 1e-300))
+    return complex(-values[1] / np.mean(run.omega**2)), error, rest
+
+
+def measure_miss(run: Run) -> float:
+    """Median misfit of Y by a straight line, relative to |Y|."""
+    return float(np.median(np.abs(fit_line(run)[2])))
 
 
 def _estimate_mass_of_pairs(run: Run) -> tuple[complex, float, float] | None:
@@ -154,7 +165,7 @@ def is_in_turns(run: Run) -> bool:
     assert run.phase is not None
     if np.abs(run.phase).max() > 1.0 or not has_resonance(run, None):
         return False
-    return fit_line(replace(run, phase=2.0 * pi * run.phase))[1] < fit_line(run)[1]
+    return measure_miss(replace(run, phase=2.0 * pi * run.phase)) < measure_miss(run)
 
 
 def is_incoherent(run: Run, turn: Implied) -> bool:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from damping.records.implied import fit_line, fit_ratio
+from damping.records.implied import fit_ratio, measure_miss
 from damping.records.runs import Run
 
 _RESIDUALS = np.linspace(-0.9, 0.9, 37)  #: trial compliances of other modes, over the largest of the run
@@ -26,7 +26,7 @@ def measure_miss_beside_modes(run: Run) -> float:
     assert run.phase is not None
     compliance = run.A / run.F * np.exp(-1j * run.phase)
     of_mode = [compliance - share * np.abs(compliance).max() for share in _RESIDUALS]
-    return min(fit_line(replace(run, A=run.F * np.abs(H), phase=-np.angle(H)))[1] for H in of_mode)
+    return min(measure_miss(replace(run, A=run.F * np.abs(H), phase=-np.angle(H))) for H in of_mode)
 
 
 def measure_miss_of_two(run: Run) -> float:

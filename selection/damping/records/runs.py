@@ -200,13 +200,18 @@ def estimate_power(force: FloatArray, amplitude: FloatArray) -> float:
 def has_resonance(run: Run, lag: FloatArray | None) -> bool:
     """Whether a resonance lies within the rows: the lag passes pi/2, or A/F falls on both sides of its maximum.
 
+    Where A/F rises row by row to its maximum and falls row by row from it, as few rows do across a peak, their second
+    differences are not noise alone: a fall by ``PROMINENCE`` is enough then.
     A run that stops just short of the maximum (``SHORT_OF_PEAK``) counts as containing it, unless the lag excludes it.
     """
     if lag is not None and np.cos(lag).max() > 0.0 > np.cos(lag).min():
         return True
     g = run.compliance
     top = int(np.argmax(g))
-    fall = max(FALL, NOISE_BESIDE_FALL * run.noise)
+    noise = NOISE_BESIDE_FALL * run.noise
+    if np.all(np.diff(g[: top + 1]) > 0.0) and np.all(np.diff(g[top:]) < 0.0):
+        noise = min(noise, log(PROMINENCE))
+    fall = max(FALL, noise)
     if g[top] - g[: top + 1].min() > fall and g[top] - g[top:].min() > fall:
         return True
     if lag is not None and np.abs(np.cos(lag)).min() > FAR_FROM_RESONANCE:

@@ -9,17 +9,17 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray, wrap_lag
+from damping.arrays import RAD_S_PER_HZ, wrap_lag
 from damping.records.implied import (
     AS_LAG,
     Implied,
     classify_phase,
-    estimate_mass_without_phase,
     find_implied,
     has_antiresonance,
     is_incoherent,
     sense_rate,
 )
+from damping.records.leg import Leg
 from damping.records.mode import Mode
 from damping.records.outliers import (
     WILD,
@@ -32,9 +32,8 @@ from damping.records.outliers import (
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
 from damping.records.rows import list_rates
-from damping.records.runs import FEWEST_ROWS, WHITE, Run, has_resonance, measure_whiteness, runs_of
+from damping.records.runs import WHITE, Run, measure_whiteness, runs_of
 
-SURE = 0.2  #: relative scatter beyond which the mass from pairs of rows is unknown
 #: Largest phase offset, rad, that is subtracted from the lags; a larger one means another kind of phase.
 MOST_OFFSET = 0.25 * pi
 MOST_NAMED = 5  #: most labels of sweeps in a message
@@ -65,39 +64,6 @@ class NamedFinding(Finding):
     """A finding whose cause is an effect of the library, of a size that a diagnosis fits."""
 
     named: ClassVar[bool] = True
-
-
-@dataclass(frozen=True)
-class Leg:
-    """A run, what its phases as recorded imply (``turn``), and the corrected ``lag`` (n,).
-
-    ``lag`` is None without phases or if they are incoherent.
-    """
-
-    run: Run
-    turn: Implied | None
-    lag: FloatArray | None
-
-    @cached_property
-    def resonant(self) -> bool:
-        """Whether the run contains a resonance; a run of few rows is assumed to."""
-        return len(self.run) < FEWEST_ROWS or has_resonance(self.run, self.lag)
-
-    @property
-    def on_line(self) -> bool:
-        """Whether Y of its rows lies on a line, as far as phases tell.
-
-        Readings near the resolution of an instrument do not: the smaller they are, the smaller the mass.
-        """
-        return self.turn is None or self.lag is None or self.turn.miss < SURE
-
-    @cached_property
-    def mass(self) -> tuple[float, bool]:
-        """Mass that the run implies (NaN: none), and whether from phases or from a resonance that is not bent."""
-        if self.turn is None or self.lag is None:
-            return estimate_mass_without_phase(self.run) or (float("nan"), False)
-        sure = self.turn.both_sides and self.turn.scatter < SURE
-        return abs(self.turn.mass) if sure else float("nan"), True
 
 
 @dataclass(frozen=True)
@@ -243,6 +209,11 @@ class View:
         omega = RAD_S_PER_HZ * implied["frequency"]
         implied["damping_ratio"] = implied["force"] / (2.0 * used * omega**2 * implied["amplitude"])
         return implied.reset_index(drop=True)
+
+    @property
+    def paired(self) -> bool:
+        """Whether every mass is of pairs of rows with phases."""
+        return all(leg.paired for leg in self.legs if np.isfinite(leg.mass[0]))
 
     @cached_property
     def mass_ratio(self) -> float:
