@@ -393,3 +393,18 @@ def test_deviations_of_many_sweeps_are_eliminated_sweep_by_sweep(lab, monkeypatc
     whole = fit_roughly(model, np.zeros((1, model.size)))[0]
     np.testing.assert_allclose(by_sweeps.y, whole.y, rtol=0.0, atol=1e-9)  # rounding, in standard deviations
     assert np.abs(whole.y).max() > 0.5
+
+
+def test_a_fit_is_not_repeated_from_the_hypothesis_that_it_was_made_from(lab):
+    """Repeated, it gives the same to the last bit: nothing in it is drawn at random."""
+    start, fitted = setting(lab.record(lab.bench().rows, lab.truth("displacement")), lab.mode()), []
+    search = Search(start.problem, {"displacement": CATALOGUE["displacement"]}, start.unknowns, done=fitted.append)
+    search.singles()
+    null, first = search.hypotheses[frozenset()], search.hypotheses[frozenset({"displacement"})]
+    assert fitted == ["no effect", "displacement"]
+    search.improve(null, "displacement")
+    assert fitted == ["no effect", "displacement"]
+    assert search.hypotheses[first.key] is first
+    search.extend(null, "displacement")
+    assert fitted == ["no effect", "displacement", "displacement"]
+    assert search.hypotheses[first.key].log_posterior == first.log_posterior

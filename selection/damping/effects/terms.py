@@ -31,11 +31,20 @@ _REFINEMENTS = 2  #: iterations for the amplitude of each path, whose share chan
 
 @dataclass(frozen=True)
 class Prediction:
-    """ln of the predicted phasor, P, and its derivatives by u = ln A and by ln omega_n; complex, (batch, n)."""
+    """ln of the predicted phasor, P, and its derivatives by u = ln A and by ln omega_n, (batch, n) each.
 
-    P: ComplexArray
+    Real and imaginary part of P are kept apart, as residuals need them.
+    """
+
+    u: FloatArray  #: Re P, ln of the amplitude
+    turned: FloatArray  #: Im P, minus the lag (rad)
     by_u: ComplexArray
     by_frequency: ComplexArray
+
+    @property
+    def P(self) -> ComplexArray:
+        """Both as one complex number."""
+        return join_complex(self.u, self.turned)
 
 
 class _Receptance(NamedTuple):
@@ -76,7 +85,7 @@ def predict(terms: Terms, u: FloatArray, drive: Drive, every: int = 1) -> Predic
     if terms.readings:
         by_u = slope * (by_u.real * per_u) + 1j * by_u.imag * per_u
         by_frequency = _of_every(slope, every) * by_frequency.real + 1j * by_frequency.imag
-    return Prediction(join_complex(real + gain, phase - lag), by_u, by_frequency)
+    return Prediction(real + gain, phase - lag, by_u, by_frequency)
 
 
 def _of_every(values: Any, every: int) -> Any:
@@ -148,8 +157,8 @@ def _add_forces(
         slope = slope - C
         if scaled and number < still.simulated:
             C, slope = C * still.own, slope * still.own
-        imaginary = imaginary + C
-        slope_imaginary = slope_imaginary + slope
+        imaginary = imaginary + C if number else C
+        slope_imaginary = slope_imaginary + slope if number else slope
         if force.restores:
             real = real + S / A
             slope_real = slope_real + (in_phase_slope - S) / A

@@ -55,6 +55,8 @@ class Fits:
     choices: int = 0  #: number of effects a further one is chosen from; if 0, the number that the record can show
     done: Callable[[str], None] = nothing  #: reports each hypothesis that was fitted
     forms: dict[str, tuple[Form, ...]] = field(init=False)  #: forms of each effect that the record can show
+    #: hypotheses that were extended by each effect
+    extended: dict[str, list[Hypothesis]] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         rows = self.problem.rows
@@ -127,6 +129,7 @@ class Fits:
 
     def extend(self, base: Hypothesis, name: str, candidates: list[list[Start]] | None = None) -> None:
         """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
+        self.extended.setdefault(name, []).append(base)
         candidates = candidates or list_starts(base.plain, self.forms[name], self.units)
         rough = float(np.sqrt(np.mean(base.plain.measured**2)))
         if np.any(np.abs(base.plain.y[base.plain.model.size :]) > _APART):
@@ -143,7 +146,9 @@ class Fits:
                 self._store((*base.effects, name), worth)
 
     def improve(self, base: Hypothesis, name: str, candidates: list[list[Start]] | None = None) -> None:
-        """`extend`, unless an earlier fit of the same effects is as probable."""
+        """`extend`, unless an earlier fit of the same effects is as probable, or would be repeated."""
+        if any(base is before for before in self.extended.get(name, ())):
+            return
         earlier = self.hypotheses.get(base.key | {name})
         self.extend(base, name, candidates)
         self._restore(earlier)

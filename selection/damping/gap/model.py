@@ -202,15 +202,15 @@ def residuals(
     prediction = predict(deviated(terms, rows, z, scatter), u0, rows.drive, stride)
     d = 1.0 - prediction.by_u.real
     squared = d * d + FOLD**2
-    misfit = u0 - prediction.P.real
+    misfit = u0 - prediction.u
     motion = u0 - misfit * d / squared
     sd_phase = rows.sd_phase * scatter.factor
     per_sd = 1.0 / (np.sqrt(squared) * rows.sd_amplitude * scatter.factor)
     follow = prediction.by_u.imag * d / squared
     further = 2 * len(rows.channels)
     sensitivity = Sensitivity(per_sd, follow, sd_phase if rows.has_phase else None, further)
-    parts = [(misfit + (rows.u - u0) * d) * per_sd]
-    phase = -prediction.P.imag + follow * misfit
+    parts = [(misfit if at is None else misfit + (rows.u - u0) * d) * per_sd]
+    phase = follow * misfit - prediction.turned
     if rows.has_phase:
         parts.append(wrap_lag(rows.phase - phase, -pi) / sd_phase)
     if rows.channels:
@@ -270,11 +270,11 @@ def steady(terms: Terms, rows: PhasorRows, u: FloatArray) -> Motion:
     best, least = u.copy(), np.full(len(u), np.inf)
     for _ in range(_MOST_STEPS):
         prediction = predict(terms, u, rows.drive)
-        misfit = u - prediction.P.real[0]
+        misfit = u - prediction.u[0]
         closer = np.abs(misfit) < least
         best, least = np.where(closer, u, best), np.where(closer, np.abs(misfit), least)
         if np.all(least < _CONVERGED):
             break
         d = 1.0 - prediction.by_u.real[0]
         u = u - np.clip(misfit * d / (d * d + FOLD**4), -_LONGEST, _LONGEST)
-    return Motion(best, -predict(terms, best, rows.drive).P.imag[0])
+    return Motion(best, -predict(terms, best, rows.drive).turned[0])

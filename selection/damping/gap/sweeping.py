@@ -180,9 +180,9 @@ def states(terms: Terms, F: float, omega: FloatArray) -> Branches:
     def level(points: FloatArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
         shape = np.broadcast_shapes(points.shape, rows.shape)
         prediction = predicted(points, rows)
-        return (points - prediction.P.real).reshape(shape), (1.0 - prediction.by_u.real).reshape(shape)
+        return (points - prediction.u).reshape(shape), (1.0 - prediction.by_u.real).reshape(shape)
 
     row, roots = list_roots(level, u, omega.size)
-    phase, slope = -predicted(roots, row).P.imag.ravel(), level(roots, row)[1]
+    phase, slope = -predicted(roots, row).turned.ravel(), level(roots, row)[1]
     tables = [by_row(row, values, omega.size) for values in (np.exp(roots), phase, slope)]
     return Branches(omega, tables[0], tables[1], np.nan_to_num(tables[2], nan=-1.0) > 0.0)
