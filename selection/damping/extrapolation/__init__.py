@@ -30,7 +30,7 @@ from damping.extrapolation.draws import (
 from damping.extrapolation.plan import ROUNDING, Plan, find_repeatability, judge_rows, plan_loads
 from damping.extrapolation.prediction import REFUSED_SHARE, Loads, predict
 from damping.extrapolation.prepared import PreparedRecord
-from damping.extrapolation.reading import Reading, draw_members, read_members
+from damping.extrapolation.reading import NextReading, draw_members, read_members
 from damping.extrapolation.requested import check_loads
 from damping.infer.balanced import Balanced
 from damping.infer.chains import Posterior, sample
@@ -82,7 +82,7 @@ class Extrapolation:
     levels: FloatArray
     draws: tuple[Draws, ...]  #: of each member at the requested forces, then at ``levels``
 
-    def read(self) -> list[Reading]:
+    def read(self) -> list[NextReading]:
         """What predictions at further forces have in common: up to 100 MB for a hundred levels, so not kept."""
         return read_members(self.members, self.plan.data, find_repeatability(self.mode), self.seed)
 
@@ -92,7 +92,7 @@ class Extrapolation:
         *,
         each: bool = False,
         to_invert: bool = False,
-        readings: Sequence[Reading] | None = None,
+        readings: Sequence[NextReading] | None = None,
     ) -> Loads:
         """Predictions at other forces (forces,) from the same draws.
 

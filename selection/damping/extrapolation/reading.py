@@ -24,7 +24,7 @@ def _round_log(force: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Reading:
+class NextReading:
     """The next test's reading by one law, at any force."""
 
     member: Member
@@ -36,7 +36,7 @@ class Reading:
 
     @classmethod
     @np.errstate(divide="ignore", invalid="ignore")  # a law without a slope
-    def of(cls, member: Member, data: Observations, repeatability: float, rng: np.random.Generator) -> Reading:
+    def of(cls, member: Member, data: Observations, repeatability: float, rng: np.random.Generator) -> NextReading:
         """All that does not depend on the force; arguments as of `read_members`."""
         new, which = drop_repeats(member.draws)  # resampling repeats draws
         draws = member.draws[new]
@@ -81,10 +81,10 @@ class Reading:
         return Draws(law, discrepancy, noise, np.isfinite(of_law), short[which])
 
 
-def read_members(members: Sequence[Member], data: Observations, repeatability: float, seed: int) -> list[Reading]:
+def read_members(members: Sequence[Member], data: Observations, repeatability: float, seed: int) -> list[NextReading]:
     """The next reading by every law; ``repeatability``: stated of a level's amplitude, a lower bound of its scatter."""
     rngs = np.random.default_rng(seed).spawn(len(members))
-    return [Reading.of(member, data, repeatability, rng) for member, rng in zip(members, rngs, strict=True)]
+    return [NextReading.of(member, data, repeatability, rng) for member, rng in zip(members, rngs, strict=True)]
 
 
 def draw_members(
@@ -93,7 +93,7 @@ def draw_members(
     """Draws of every law's parts at ``force`` (forces,); draws at one force do not depend on the other forces."""
     rngs = np.random.default_rng(seed).spawn(len(members))
     # one law after the other: a reading may take more memory than its draws at few forces
-    return [Reading.of(m, data, repeatability, rng).at(force) for m, rng in zip(members, rngs, strict=True)]
+    return [NextReading.of(m, data, repeatability, rng).at(force) for m, rng in zip(members, rngs, strict=True)]
 
 
 def _compare_levels(

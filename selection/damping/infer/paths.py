@@ -89,7 +89,7 @@ class Paths:
         return self.of_mean @ to_levels.T, path
 
 
-class _Levels(NamedTuple):
+class _KnownLevels(NamedTuple):
     """g at the levels, for sigma = 1; each (levels, levels)."""
 
     covariance: FloatArray
@@ -98,14 +98,14 @@ class _Levels(NamedTuple):
 
 
 @lru_cache(maxsize=16)  # shared by all laws on a record
-def _know_levels(at: tuple[float, ...]) -> _Levels:
+def _know_levels(at: tuple[float, ...]) -> _KnownLevels:
     """What is known of g at levels of ln F ``at``."""
     levels = np.array(at)
     covariance = discrepancy_covariance(levels, levels, float(np.mean(at)))
     variance, directions = np.linalg.eigh(covariance)
     directions *= np.copysign(1.0, directions[-1])  # a sign that does not depend on rounding
     inverse = np.asarray(np.linalg.pinv(covariance, rcond=_ROUNDING, hermitian=True), dtype=np.float64)
-    return _Levels(covariance, inverse, directions * np.sqrt(np.maximum(variance, 0.0)))
+    return _KnownLevels(covariance, inverse, directions * np.sqrt(np.maximum(variance, 0.0)))
 
 
 @lru_cache(maxsize=16)  # as above
