@@ -93,9 +93,9 @@ def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) 
     return weigh_levels(sums, x, coordinates.discrepancy_of_levels(x, parts), coordinates, data)
 
 
-def by_blocks(work: Callable[[slice], FloatArray], number: int, rows: int) -> FloatArray:
-    """``work`` for ``number`` points, (..., points), in blocks so that its arrays (points, rows) stay small."""
-    step = max(1, BLOCK // rows)
+def by_blocks(work: Callable[[slice], FloatArray], number: int, rows: int, most: int = BLOCK) -> FloatArray:
+    """``work`` for ``number`` points, (..., points), in blocks of at most ``most`` points times ``rows``."""
+    step = max(1, most // rows)
     if number <= step:
         return work(slice(None))
     return np.concatenate([work(slice(first, first + step)) for first in range(0, number, step)], axis=-1)

@@ -63,18 +63,17 @@ class Paths:
         points = ndtri(np.clip(places % 1.0, 1e-12, 1.0 - 1e-12)).T
         x = by_levels.standard_normal((len(at), number))
         x[: -len(_STEPS) + _STEPS_BEYOND - 1 : -1] = points[_STEPS_BEYOND:][: len(at)]
-        levels, of_mean = (known.directions @ x).T, np.empty(residual.shape)
+        of_path, of_mean = (known.directions @ x).T, np.empty(residual.shape)  # first g at the levels, then weights
         del x
-        random, of_path = by_errors.standard_normal((number, len(at), 1)), np.empty(residual.shape)
         step = max(1, _MOST_COVARIANCES // len(at) ** 2)
         for part in (slice(first, first + step) for first in range(0, number, step)):
-            own, size = noise(part), sigma[part, None]
-            errors = (np.linalg.cholesky(own) @ random[part])[..., 0]
+            own, size, levels = noise(part), sigma[part, None], of_path[part]
+            errors = (np.linalg.cholesky(own) @ by_errors.standard_normal((*levels.shape, 1)))[..., 0]
             square = (size**2)[..., None] * known.covariance + own
-            wanted = np.stack([residual[part], residual[part] - size * levels[part] - errors], axis=-1)
+            wanted = np.stack([residual[part], residual[part] - size * levels - errors], axis=-1)
             solved = np.linalg.solve(square, wanted) * (size**2)[..., None]
             of_mean[part] = solved[..., 0]
-            of_path[part] = solved[..., 1] + size * (levels[part] @ known.inverse)
+            of_path[part] = solved[..., 1] + size * (levels @ known.inverse)
         seeds, inner = by_beyond.bit_generator.seed_seq, by_within.standard_normal((number, 1))
         return cls(at, sigma, of_mean, of_path, points[:_STEPS_BEYOND], seeds, inner)  # type: ignore[arg-type]
 
