@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,7 @@ from damping.extrapolation.draws import Draws, Member
 from damping.forces.contract import Sum
 from damping.infer.discrepancy import extend, place_steps, read_path
 from damping.infer.law import EACH_WITH_ROWS
-from damping.infer.likelihood import by_sweep, level_exponents, residuals, scatter_covariance
+from damping.infer.likelihood import by_blocks, by_sweep, level_exponents, residuals, scatter_covariance
 from damping.infer.observations import Observations
 from damping.infer.paths import Paths
 
@@ -48,11 +48,19 @@ class NextReading:
         else:
             row = np.maximum(row, repeatability)
         sigma = member.coordinates.discrepancy(draws, parts)
-        deviations, errors, known = _compare_levels(damping, row, level, data)
         of_noise, of_paths = rng.spawn(2)
-        given = (sigma[which], deviations[which], lambda of: errors(which[of]))
-        paths = Paths.draw(*given, _round_log(data.tested_force), of_paths)
-        noise = np.sqrt((row**2 + level**2)[which] + known[which]) * of_noise.standard_normal(len(which))
+
+        def join(distinct: slice) -> Sum:
+            return member.coordinates.join(parts, (distinct, np.newaxis))
+
+        def compare(some: slice) -> tuple[FloatArray, FloatArray]:  # of all draws it would not fit in memory
+            own = slice(which[some][0], which[some][-1] + 1)
+            deviations, errors = _compare_levels(join(own), row[own], level[own], data)
+            return deviations[which[some] - own.start], errors[which[some] - own.start]
+
+        paths = Paths.draw(sigma[which], compare, _round_log(data.tested_force), of_paths)
+        known = by_blocks(lambda some: residuals(join(some), data)[2].mean(axis=1), len(draws), len(data.A))
+        noise = np.sqrt((row**2 + level**2 + known)[which]) * of_noise.standard_normal(len(which))
         return cls(member, data, damping, which, paths, noise)
 
     @np.errstate(divide="ignore", invalid="ignore")  # ln of an amplitude of 0, and discrepancy of an infinite one
@@ -98,19 +106,15 @@ def draw_members(
 
 def _compare_levels(
     damping: Sum, row: FloatArray, level: FloatArray, data: Observations
-) -> tuple[FloatArray, Callable[[IntArray], FloatArray], FloatArray]:
-    """ln A of each level minus that of the law, (draws, sweeps); the covariance of its errors, a function of chosen
-    draws, (chosen, sweeps, sweeps); and the mean stated variance of a row, (draws,)."""
+) -> tuple[FloatArray, FloatArray]:
+    """ln A of each level minus that of the law, (draws, sweeps); covariance of its errors, (draws, sweeps, sweeps)."""
     n, h, known = residuals(damping, data)
     weight = h / (row[:, None] ** 2 + known)
     hh, hn = (by_sweep(weight * value, data) for value in (h, n))
     hh = np.maximum(hh, 1e-6)  # a level whose rows do not determine its amplitude
-    # n of decays is of force: ln A is off by 1/p times as much
-    p = level_exponents(damping, data) if data.amplitude_is_input else np.ones(hh.shape)
-
-    def errors(of: IntArray) -> FloatArray:
-        covariance = scatter_covariance(row[of], level[of], data) + np.eye(hh.shape[1]) / hh[of, None, :]
-        return covariance / (p[of, :, None] * p[of, None, :]) if data.amplitude_is_input else covariance
-
+    covariance = scatter_covariance(row, level, data) + np.eye(hh.shape[1]) / hh[:, None, :]
     # n > 0 if more force was needed than the law predicts: the law's amplitude exceeds the measured one
-    return -hn / p / hh, errors, known.mean(axis=1)
+    if not data.amplitude_is_input:
+        return -hn / hh, covariance
+    p = level_exponents(damping, data)  # n of decays is of force: ln A is off by 1/p times as much
+    return -hn / p / hh, covariance / (p[:, :, None] * p[:, None, :])

@@ -43,8 +43,7 @@ class Paths:
     def draw(
         cls,
         sigma: FloatArray,
-        residual: FloatArray,
-        noise: Callable[[slice], FloatArray],
+        compare: Callable[[slice], tuple[FloatArray, FloatArray]],
         at: FloatArray,
         rng: np.random.Generator,
     ) -> Paths:
@@ -52,8 +51,8 @@ class Paths:
 
         Args:
             sigma: of each draw, (draws,).
-            residual: ln A of the levels less the law's, (draws, levels).
-            noise: covariance of its errors at a slice of the draws, (draws, levels, levels).
+            compare: at a slice of the draws, ln A of the levels less the law's, (draws, levels), and the covariance of
+                its errors, (draws, levels, levels).
             at: ln F of the levels, rising.
             rng: of all that is random.
         """
@@ -63,14 +62,15 @@ class Paths:
         points = ndtri(np.clip(places % 1.0, 1e-12, 1.0 - 1e-12)).T
         x = by_levels.standard_normal((len(at), number))
         x[: -len(_STEPS) + _STEPS_BEYOND - 1 : -1] = points[_STEPS_BEYOND:][: len(at)]
-        of_path, of_mean = (known.directions @ x).T, np.empty(residual.shape)  # first g at the levels, then weights
+        of_path = (known.directions @ x).T  # first g at the levels, then weights
         del x
+        of_mean = np.empty(of_path.shape)
         step = max(1, _MOST_COVARIANCES // len(at) ** 2)
         for part in (slice(first, first + step) for first in range(0, number, step)):
-            own, size, levels = noise(part), sigma[part, None], of_path[part]
+            (residual, own), size, levels = compare(part), sigma[part, None], of_path[part]
             errors = (np.linalg.cholesky(own) @ by_errors.standard_normal((*levels.shape, 1)))[..., 0]
             square = (size**2)[..., None] * known.covariance + own
-            wanted = np.stack([residual[part], residual[part] - size * levels - errors], axis=-1)
+            wanted = np.stack([residual, residual - size * levels - errors], axis=-1)
             solved = np.linalg.solve(square, wanted) * (size**2)[..., None]
             of_mean[part] = solved[..., 0]
             of_path[part] = solved[..., 1] + size * (levels @ known.inverse)
