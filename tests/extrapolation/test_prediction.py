@@ -15,12 +15,11 @@ from damping.extrapolation.draws import (
     Member,
     amplitude_draws,
     choose_next_level,
-    draw_member,
-    draw_members,
     find_quantiles,
 )
 from damping.extrapolation.prediction import PARTS, linear_amplitude, predict
 from damping.extrapolation.prepared import prepare_record
+from damping.extrapolation.reading import NextReading, draw_members
 from damping.infer import discrepancy
 from damping.infer.discrepancy import DISCREPANCY_LOG_SD, DISCREPANCY_MEDIAN, JointEvidence
 from damping.infer.evidence import evidence
@@ -173,7 +172,7 @@ def test_between_model_part_is_the_spread_of_two_laws(saturn):
     members = [member(("viscous",), data, 0.5), member(("velocity-squared",), data, 0.5)]
     loads = predict(members, np.array([90.0]), data, 0.9, seed=1)
     rng = np.random.default_rng(0)  # means given the levels are no matter of chance
-    a, b = (draw_member(m, np.array([90.0]), data, 0.0, rng).law.mean() for m in members)
+    a, b = (NextReading.of(m, data, 0.0, rng).at(np.array([90.0])).law.mean() for m in members)
     np.testing.assert_allclose(loads.parts["between_model"], 50.0 * abs(a - b), rtol=1e-9)
 
 
@@ -209,7 +208,7 @@ def test_what_levels_leave_over_pulls_the_prediction_to_them(peaks):
     m = member(("viscous",), data)
     m.draws[:, m.coordinates.names.index("discrepancy")] = 5.0
     m.draws[:, -1] = -5.0  # scatter
-    spread = draw_member(m, force, data, 0.0, np.random.default_rng(0))
+    spread = NextReading.of(m, data, 0.0, np.random.default_rng(0)).at(force)
     # the law alone misses the levels by up to 6 %, of which a residual leaves half the square
     np.testing.assert_allclose(spread.law.mean(axis=0), np.log(data.tested_amplitude), atol=2.5e-3)
 
@@ -265,7 +264,7 @@ def test_level_is_the_content(level, saturn):
     data = saturn("config-2-mode-1")
     m = member(("viscous", "displacement-velocity"), data)
     loads = predict([m], np.array([60.0]), data, level, seed=2)
-    draws = np.exp(draw_member(m, np.array([60.0]), data, 0.0, np.random.default_rng(2)).law[:, 0])
+    draws = np.exp(NextReading.of(m, data, 0.0, np.random.default_rng(2)).at(np.array([60.0])).law[:, 0])
     inside = np.mean((draws > loads.by_model[0].credible_low[0]) & (draws < loads.by_model[0].credible_high[0]))
     np.testing.assert_allclose(
         inside, level, atol=20.0 / len(draws)
@@ -323,7 +322,7 @@ def test_many_levels_take_little_memory():
     of_law = member(("viscous",), data)
     tracemalloc.start()
     try:
-        draw_member(of_law, np.array([30.0]), data, 0.0, rng)
+        NextReading.of(of_law, data, 0.0, rng).at(np.array([30.0]))
         assert tracemalloc.get_traced_memory()[1] < 1e8
     finally:
         tracemalloc.stop()

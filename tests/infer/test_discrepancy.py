@@ -26,7 +26,6 @@ from damping.infer.discrepancy import (
     WITHOUT_JOINT,
     JointEvidence,
     discrepancy_covariance,
-    draw_discrepancy,
     extend,
     find_joint,
     nonlinearity,
@@ -35,6 +34,7 @@ from damping.infer.discrepancy import (
 )
 from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import DRIFT_LENGTH, level_covariance, log_likelihood, residuals, scatter_covariance
+from damping.infer.paths import Paths
 from damping_validation.truths import draw_truth
 from damping_validation.truths import sweeps as simulated_sweeps
 
@@ -51,9 +51,8 @@ def test_draws_given_the_levels_are_those_of_the_normal_law():
     at, within, beyond, n = np.array([-0.7, 0.0, 0.7]), np.array([0.3, 0.7]), np.array([1.2, 2.1]), 40_000
     left, variance = np.array([0.02, -0.01, 0.05]), np.array([1e-4, 4e-4, 1e-4])
     noise, grid = np.ones((n, 1, 1)) * np.diag(variance), np.concatenate([within, beyond])
-    mean, drawn = draw_discrepancy(
-        np.full(n, 0.2), np.ones((n, 1)) * left, noise.__getitem__, at, within, beyond, np.random.default_rng(0)
-    )
+    given = (np.full(n, 0.2), lambda of: (np.ones((n, 1))[of] * left, noise[of]))
+    mean, drawn = Paths.draw(*given, at, np.random.default_rng(0)).follow(within, beyond)
     K = 0.04 * discrepancy_covariance(np.append(at, grid), np.append(at, grid), 0.0)
     gain = K[3:, :3] @ np.linalg.inv(K[:3, :3] + np.diag(variance))
     exact = K[3:, 3:] - gain @ K[:3, 3:]
@@ -71,9 +70,8 @@ def test_paths_do_not_depend_on_how_far_they_are_followed():
     sigma, left, noise = np.full(500, 0.1), np.zeros((500, 4)), np.tile(1e-4 * np.eye(4), (500, 1, 1))
 
     def draw(within, number):
-        return draw_discrepancy(
-            sigma, left, noise.__getitem__, at, np.log(within), steps[:number], np.random.default_rng(3)
-        )[1]
+        paths = Paths.draw(sigma, lambda of: (left[of], noise[of]), at, np.random.default_rng(3))
+        return paths.follow(np.log(within), steps[:number])[1]
 
     near, far = draw([1.2, 1.5], 2), draw([1.2, 1.3, 1.5, 1.8], 9)
     np.testing.assert_allclose(near, far[:, [0, 2, 4, 5]], atol=1e-12)  # of the order of .1

@@ -23,7 +23,6 @@ from damping.extrapolation.draws import (
     NextLevel,
     amplitude_draws,
     choose_next_level,
-    draw_members,
     find_shares,
     list_levels,
     vary_priors,
@@ -31,6 +30,7 @@ from damping.extrapolation.draws import (
 from damping.extrapolation.plan import ROUNDING, Plan, find_repeatability, judge_rows, plan_loads
 from damping.extrapolation.prediction import REFUSED_SHARE, Loads, predict
 from damping.extrapolation.prepared import PreparedRecord
+from damping.extrapolation.reading import NextReading, draw_members, read_members
 from damping.extrapolation.requested import check_loads
 from damping.infer.balanced import Balanced
 from damping.infer.chains import Posterior, sample
@@ -82,11 +82,29 @@ class Extrapolation:
     levels: FloatArray
     draws: tuple[Draws, ...]  #: of each member at the requested forces, then at ``levels``
 
-    def predict_at(self, forces: np.ndarray, *, each: bool = False, to_invert: bool = False) -> Loads:
-        """Predictions at other forces (forces,) from the same draws; ``each``, ``to_invert``: see `predict`."""
-        known = (self.plan.data, self.loads.level, self.seed, self.plan, find_repeatability(self.mode))
-        blocks = np.array_split(forces, max(1, -(-len(forces) // AT_ONCE)))
-        return join_rows([predict(self.members, block, *known, each=each, to_invert=to_invert) for block in blocks])
+    def read(self) -> list[NextReading]:
+        """What predictions at further forces have in common: up to 100 MB for a hundred levels, so not kept."""
+        return read_members(self.members, self.plan.data, find_repeatability(self.mode), self.seed)
+
+    def predict_at(
+        self,
+        forces: np.ndarray,
+        *,
+        each: bool = False,
+        to_invert: bool = False,
+        readings: Sequence[NextReading] | None = None,
+    ) -> Loads:
+        """Predictions at other forces (forces,) from the same draws.
+
+        ``each``, ``to_invert``: see `predict`. ``readings``: of `read`, where forces are asked for several times.
+        """
+        given, known = readings or self.read(), (self.plan.data, self.loads.level, self.seed, self.plan)
+
+        def predict_block(block: FloatArray) -> Loads:  # its draws are given back before those of the next are made
+            draws = [reading.at(block) for reading in given]
+            return predict(self.members, block, *known, draws=draws, each=each, to_invert=to_invert)
+
+        return join_rows([*map(predict_block, np.array_split(forces, max(1, -(-len(forces) // AT_ONCE))))])
 
     @cached_property
     def with_other_priors(self) -> pd.DataFrame:

@@ -24,7 +24,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import ndtri
 
-from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
+from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, join_rows
 from damping.extrapolation import Extrapolation
 from damping.extrapolation.backbone import Backbone, Interval
 from damping.extrapolation.cautions import REFUSAL, UNKNOWN, list_cautions
@@ -170,7 +170,7 @@ def _search_forces(predicted: Extrapolation, asked: FloatArray, each: bool) -> t
     down = STEEPEST * min(0.0, math.log(asked.min() / data.tested_amplitude.min())) - math.log(_MARGIN)
     up = STEEPEST * max(0.0, math.log(asked.max() / data.tested_amplitude.max())) + math.log(_MARGIN)
     unlimited = replace(predicted, plan=replace(predicted.plan, limit=np.inf))
-    predict_at = partial(unlimited.predict_at, each=each, to_invert=True)
+    predict_at = partial(unlimited.predict_at, each=each, to_invert=True, readings=predicted.read())
     low = math.exp(max(math.log(data.tested_force.min()) + down, math.log(SMALLEST)))
     high = math.exp(min(math.log(data.tested_force.max()) + up, math.log(LARGEST)))
     points = np.geomspace(low, high, max(GRID, 1 + int(np.ceil(np.log(high / low) / STEP))))
@@ -201,8 +201,10 @@ def _refine(
         if parts.max() == 1:
             break
         steps = zip(grid[:-1], grid[1:], parts, strict=True)
-        grid = np.append(np.concatenate([np.linspace(a, b, n, endpoint=False) for a, b, n in steps]), grid[-1])
-        loads = predict_at(grid)
+        added = np.concatenate([np.linspace(a, b, n, endpoint=False)[1:] for a, b, n in steps])
+        loads = join_rows([loads, predict_at(added)])
+        loads = loads.at(np.argsort(loads.force))
+        grid = loads.force
     return grid, loads
 
 

@@ -14,27 +14,18 @@ width of the band at the design force is averaged over readings.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import pandas as pd
 from scipy.special import gammaln
 
-from damping.arrays import BoolArray, FloatArray, IntArray, drop_repeats, join_rows
+from damping.arrays import BoolArray, FloatArray, IntArray, join_rows
 from damping.extrapolation.backbone import Backbone
-from damping.forces.contract import Force, Sum
-from damping.infer.discrepancy import (
-    ANY_JOINT,
-    DISCREPANCY_LOG_SD,
-    JointEvidence,
-    draw_discrepancy,
-    extend,
-    place_steps,
-    read_path,
-)
-from damping.infer.law import EACH_WITH_ROWS, SCATTER_LOG_SD, Coordinates
-from damping.infer.likelihood import by_sweep, level_exponents, residuals, scatter_covariance
+from damping.forces.contract import Force
+from damping.infer.discrepancy import ANY_JOINT, DISCREPANCY_LOG_SD, JointEvidence
+from damping.infer.law import SCATTER_LOG_SD, Coordinates
 from damping.infer.observations import Observations
 from damping.predict.steady import resonant_amplitude
 
@@ -45,7 +36,6 @@ LEAST_WEIGHT = 0.01
 FEWEST_DRAWS = 1000  #: fewest draws of a law: the band of that law is then known to 5 % of its width
 #: Fewest draws of a law of at most ``LEAST_WEIGHT``: its band is then known to 10 % of its width.
 FEWEST_OF_LITTLE = 250
-_DIGITS = 12  #: digits of ln F: forces that differ by rounding alone count as one point, in any units
 
 
 @dataclass(frozen=True)
@@ -69,7 +59,7 @@ class Member:
     def thin(self) -> Member:
         """The member with draws evenly chosen in order of discrepancy, as many as its share of ``AVERAGE_DRAWS``.
 
-        In that order the points of :func:`damping.infer.discrepancy.draw_discrepancy` fill the paths of similar draws.
+        In that order the points of :class:`damping.infer.paths.Paths` fill the paths of similar draws.
         """
         fewest = FEWEST_DRAWS if self.weight > LEAST_WEIGHT else FEWEST_OF_LITTLE
         wanted = max(fewest, int(AVERAGE_DRAWS * self.weight))
@@ -122,77 +112,6 @@ def find_quantiles(values: FloatArray, shares: FloatArray, at: FloatArray) -> Fl
         total = np.cumsum(share)
         quantiles.append(np.interp(at, (total - 0.5 * share) / total[-1], column))
     return np.array(quantiles).T
-
-
-def draw_members(
-    members: Sequence[Member], force: FloatArray, data: Observations, repeatability: float, seed: int
-) -> list[Draws]:
-    """Draws of every law's parts at ``force`` (forces,); draws at one force do not depend on the other forces."""
-    rngs = np.random.default_rng(seed).spawn(len(members))
-    return [draw_member(member, force, data, repeatability, rng) for member, rng in zip(members, rngs, strict=True)]
-
-
-@np.errstate(divide="ignore", invalid="ignore")  # ln of an amplitude of 0, and discrepancy of an infinite one
-def draw_member(
-    member: Member, force: FloatArray, data: Observations, repeatability: float, rng: np.random.Generator
-) -> Draws:
-    """Draws of one law's parts; NaN where a draw has no resonance."""
-    tested, asked = (np.asarray(np.round(np.log(part), _DIGITS), float) for part in (data.tested_force, force))
-    top = tested.max()
-    within, steps = asked[asked <= top], top + place_steps(asked.max() - top)
-    new, which = drop_repeats(member.draws)  # resampling repeats draws
-    draws = member.draws[new]
-    parts = member.coordinates.find_parts(draws)
-    damping = member.coordinates.join(parts, EACH_WITH_ROWS)
-    of_law = np.log(member.solve(damping, np.exp(np.concatenate([asked, steps])), data))[which]
-    of_law, on_steps = of_law[:, : len(asked)], of_law[:, len(asked) :]
-    row, level = member.coordinates.scatter(draws)
-    if member.coordinates.with_level_scatter:
-        level = np.maximum(level, repeatability)
-    else:
-        row = np.maximum(row, repeatability)
-    sigma, noise = member.coordinates.discrepancy(draws, parts), row**2 + level**2
-    deviations, errors, known = _compare_levels(damping, row, level, data)
-    of_noise, of_paths = rng.spawn(2)
-    places = (np.append(within, top), steps[1:])
-    mean, drawn = draw_discrepancy(
-        sigma[which], deviations[which], lambda of: errors(which[of]), tested, *places, of_paths
-    )
-
-    def follow(discrepancy: FloatArray, *, lets_go: bool) -> FloatArray:
-        log_A = np.empty(of_law.shape)
-        log_A[:, asked <= top] = of_law[:, asked <= top] + discrepancy[:, : len(within)]
-        options = {"lets_go": lets_go, "of_decay": data.amplitude_is_input}
-        path = extend(on_steps, discrepancy[:, len(within) :], steps, member.joint, **options)
-        log_A[:, asked > top] = read_path(path, on_steps, of_law[:, asked > top], asked[asked > top], steps)
-        return log_A
-
-    law = follow(mean, lets_go=False)  # a joint that lets go is part of the discrepancy
-    # the same noise at all forces, so that bands are smooth
-    noise = np.sqrt(noise[which] + known[which]) * of_noise.standard_normal(len(which))
-    discrepancy = follow(drawn, lets_go=True) - law
-    short = damping.quadrature(data.tested_amplitude[data.top], data.tested_omega[data.top]) < np.exp(asked)
-    return Draws(law, discrepancy, np.broadcast_to(noise[:, None], law.shape), np.isfinite(of_law), short[which])
-
-
-def _compare_levels(
-    damping: Sum, row: FloatArray, level: FloatArray, data: Observations
-) -> tuple[FloatArray, Callable[[IntArray], FloatArray], FloatArray]:
-    """ln A of each level minus that of the law, (draws, sweeps); the covariance of its errors, a function of chosen
-    draws, (chosen, sweeps, sweeps); and the mean stated variance of a row, (draws,)."""
-    n, h, known = residuals(damping, data)
-    weight = h / (row[:, None] ** 2 + known)
-    hh, hn = (by_sweep(weight * value, data) for value in (h, n))
-    hh = np.maximum(hh, 1e-6)  # a level whose rows do not determine its amplitude
-    # n of decays is of force: ln A is off by 1/p times as much
-    p = level_exponents(damping, data) if data.amplitude_is_input else np.ones(hh.shape)
-
-    def errors(of: IntArray) -> FloatArray:
-        covariance = scatter_covariance(row[of], level[of], data) + np.eye(hh.shape[1]) / hh[of, None, :]
-        return covariance / (p[of, :, None] * p[of, None, :]) if data.amplitude_is_input else covariance
-
-    # n > 0 if more force was needed than the law predicts: the law's amplitude exceeds the measured one
-    return -hn / p / hh, errors, known.mean(axis=1)
 
 
 def amplitude_draws(member: Member, force: FloatArray, data: Observations) -> FloatArray:

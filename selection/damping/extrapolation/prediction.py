@@ -12,14 +12,15 @@ force, or along the backbone where that moves. The next test's reading has four 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from damping.arrays import BoolArray, FloatArray, join_rows
+from damping.arrays import BoolArray, FloatArray, IntArray, join_rows
 from damping.extrapolation.cautions import NOTHING_KNOWN, list_cautions
-from damping.extrapolation.draws import Draws, Member, draw_members, find_quantiles, find_shares
+from damping.extrapolation.draws import Draws, Member, find_quantiles, find_shares
 from damping.extrapolation.plan import Plan
+from damping.extrapolation.reading import draw_members
 from damping.infer.observations import Observations
 
 REFUSED_SHARE = 0.05  #: share of draws without a resonance above which no prediction is given
@@ -39,10 +40,17 @@ class Band:
     credible_low: FloatArray  #: of the law's amplitude alone
     credible_high: FloatArray  #: of the law's amplitude alone
 
+    @property
+    def _ends(self) -> tuple[FloatArray, ...]:
+        return self.median, self.low, self.high, self.credible_low, self.credible_high
+
     def keep(self, known: BoolArray) -> Band:
         """The band, NaN except where ``known`` (forces,)."""
-        ends = (self.median, self.low, self.high, self.credible_low, self.credible_high)
-        return Band(self.name, self.weight, *(np.where(known, end, np.nan) for end in ends))
+        return Band(self.name, self.weight, *(np.where(known, end, np.nan) for end in self._ends))
+
+    def at(self, forces: IntArray) -> Band:
+        """The band at a selection of the forces."""
+        return Band(self.name, self.weight, *(end[forces] for end in self._ends))
 
     def leave_out(self, amplitude: FloatArray, data: Observations) -> tuple[Band, BoolArray]:
         """The band, and where it was left out, (forces,): it is NaN beyond ``NOTHING_KNOWN``.
@@ -70,6 +78,19 @@ class Loads:
     limit: float = np.inf  #: force beyond which levels are too few to predict; infinite if there is none
     #: the given ones, if any; ``force`` then holds medians, and the bands are of force
     amplitude: FloatArray | None = None
+
+    def at(self, forces: IntArray) -> Loads:
+        """The predictions at a selection of the forces, without requested amplitudes."""
+        return replace(
+            self,
+            force=self.force[forces],
+            average=self.average.at(forces),
+            by_model=tuple(band.at(forces) for band in self.by_model),
+            parts={name: part[forces] for name, part in self.parts.items()},
+            linear=self.linear[forces],
+            ratio=self.ratio[forces],
+            cautions=tuple(self.cautions[force] for force in forces),
+        )
 
     @property
     def overprediction(self) -> FloatArray:

@@ -34,6 +34,9 @@ from damping.infer.observations import Observations
 
 #: Largest deviation of a level, in ln force, that enters t: a level that the law misses by more is no guide.
 FARTHEST = 3.0
+#: Points times levels computed at once, 8 MB for each of half a dozen arrays: 150 000 draws at a hundred levels would
+#: take 1 GB together. Blocks are otherwise as large as can be, so that few levels are one.
+_MOST = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,10 @@ class Balanced:
 
     def log_density(self, z: FloatArray) -> FloatArray:
         """Unnormalised log posterior density at points z (points, dimension); ``-inf`` beyond ``REACH``."""
+        return by_blocks(lambda points: self._weigh(z[points]), len(z), len(self.data.sweeps), _MOST)
+
+    def _weigh(self, z: FloatArray) -> FloatArray:
+        """`log_density` of so few points that their levels fit in memory."""
         balance = self._prepare(z)
         x, row = balance.x, self.coordinates.scatter(balance.x)[0]
 
@@ -90,14 +97,19 @@ class Balanced:
 
     def _find_best_totals(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """x at z (points, dimension) with z_1 = 0; and s (points,)."""
-        balance = self._prepare(z)
 
-        def find_total(points: slice) -> FloatArray:
-            C, _ = find_averages(self.coordinates.join(balance.parts, points), self.data)
-            return self._find_total(C, balance.a[points])
+        def find(some: slice) -> FloatArray:
+            balance = self._prepare(z[some])
 
-        balance.x[:, 0] = by_blocks(find_total, len(z), len(self.data.A))
-        return balance.x, balance.s
+            def find_total(points: slice) -> FloatArray:
+                C, _ = find_averages(self.coordinates.join(balance.parts, points), self.data)
+                return self._find_total(C, balance.a[points])
+
+            balance.x[:, 0] = by_blocks(find_total, len(balance.x), len(self.data.A))
+            return np.vstack([balance.x.T, balance.s])
+
+        found = by_blocks(find, len(z), len(self.data.sweeps), _MOST)
+        return found[:-1].T, found[-1]
 
     def _prepare(self, z: FloatArray) -> _Balance:
         """All that does not depend on z_1."""

@@ -198,7 +198,10 @@ def sample(
     seed: int,
     settings: Settings | None = None,
 ) -> Posterior:
-    """Sample a damping law; other arguments as in ``run``.
+    """Sample a damping law, once more from a proposal fitted to the chains if these have not converged.
+
+    Few draws of the evidence may have reached a part of the posterior, such as stiff joints that slip early; chains
+    have. Other arguments as in ``run``.
 
     Args:
         quantities: further quantities that must have converged, besides the law's parameters.
@@ -212,6 +215,10 @@ def sample(
     target = Target(posterior.log_density, coordinates.dimension, inform)
     begin = replace(start, draws=posterior.find_variables(start.draws))
     chains = run(target, begin, seed, settings)
+    if not chains.converged:  # walkers rest where the proposal is too thin: fitted to them, it is not
+        worth = min((d.effective_size for d in chains.diagnoses if np.isfinite(d.effective_size)), default=1.0)
+        walked = replace(begin, draws=chains.x.reshape(-1, coordinates.dimension), effective_draws=worth)
+        chains = run(target, walked, seed, settings)
     x = posterior.find_points(chains.x.reshape(-1, coordinates.dimension)).reshape(chains.x.shape)
     return Posterior(coordinates=coordinates, log_z=start.log_z, **vars(replace(chains, x=x)))
 

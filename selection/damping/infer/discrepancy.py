@@ -22,16 +22,13 @@ full slip; by both, :func:`extend` widens or narrows the discrepancy. Where all 
 law may be that of a joint.
 """
 
-from collections.abc import Callable
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import log_ndtr, logsumexp, ndtri
+from scipy.special import log_ndtr, logsumexp
 
 from damping.arrays import FloatArray
 
-_MOST_COVARIANCES = 250_000  #: of draws whose levels are followed together, 2 MB: they stay in a processor's cache
 LENGTH = 1.5  #: correlation length of the slope in ln F: about a factor of four in force
 #: Prior of sigma per unit of nonlinearity: median and log standard deviation, so that 5 % lie below 0.0035
 #: and 5 % above 0.5. Tested on structures of the kinds of ``damping calibrate``, in and out of the library.
@@ -73,17 +70,11 @@ BENT = 0.5
 #: for others less in proportion. An eddy-current damper tested to 77 % of its critical speed has slopes of 2.2 from 1
 #: to 2 times the tested force, twice those of the levels.
 FAILS = 1.0
-#: Square roots of primes: steps of quasi-random points (Richtmyer 1951) for the directions in which paths differ most,
-#: the first ``_STEPS_BEYOND`` places beyond the test, then the levels.
-_STEPS = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0])
-_STEPS_BEYOND = 4
 #: Places in ln F beyond the test at which paths are drawn: first step, and ratio of successive steps. They do not
 #: depend on the forces asked for, so that a prediction at one force does not change with another. Steps a third as long
 #: move the upper end of the Saturn V's band at three times the tested force by 1.6 %.
 FIRST_STEP = 0.15
 STEP_GROWTH = 1.1
-#: Eigenvalue of a covariance of levels, over the largest, taken as rounding: repeats of one force add none.
-_ROUNDING = 1e-12
 #: Range of slopes that damping can have: p from 4 (a Bouc-Wen joint of exponent 3 that begins to slip, C/A of A^3,
 #: steeper than any force measured on structures) down to 1/3 (full slip).
 SLOPES = (0.25, 3.0)
@@ -120,81 +111,6 @@ def discrepancy_covariance(z: FloatArray, other: FloatArray, origin: float) -> F
         return LENGTH**2 * (np.expm1(-u) + u)
 
     return np.asarray(h(z - origin)[:, None] + h(other - origin)[None, :] - h(z[:, None] - other[None, :]))
-
-
-def draw_discrepancy(
-    sigma: FloatArray,
-    residual: FloatArray,
-    noise: Callable[[slice], FloatArray],
-    at: FloatArray,
-    within: FloatArray,
-    beyond: FloatArray,
-    rng: np.random.Generator,
-) -> tuple[FloatArray, FloatArray]:
-    """g ``within`` the test and ``beyond`` it, given the residuals of levels: mean and one draw, each (draws, places).
-
-    By Matheron's rule. A path is drawn at the levels, then outward place by place, so that no place depends on those
-    farther out; places within the test are drawn separately. Neighbouring draws fill the principal directions, which
-    reduces the error of band ends to a third.
-
-    Args:
-        sigma: of each draw, (draws,).
-        residual: ln A of the levels less the law's, (draws, levels).
-        noise: covariance of its errors at a slice of the draws, (draws, levels, levels).
-        at, within, beyond: ln F of the levels and of the places, rising.
-    """
-    number = len(sigma)
-    followed = _follow_levels(tuple(at), tuple(within), tuple(beyond))
-    by_levels, by_beyond, by_within, by_errors = rng.spawn(4)
-    points = ndtri(np.clip((np.arange(number)[:, None] * _STEPS + rng.random(len(_STEPS))) % 1.0, 1e-12, 1.0 - 1e-12)).T
-    x, outward = by_levels.standard_normal((len(at), number)), by_beyond.standard_normal((len(beyond), number))
-    outward[:_STEPS_BEYOND] = points[:_STEPS_BEYOND][: len(beyond)]
-    x[: -len(_STEPS) + _STEPS_BEYOND - 1 : -1] = points[_STEPS_BEYOND:][: len(at)]
-    levels = (followed.directions @ x).T
-    drawn = levels @ followed.mean.T
-    drawn[:, len(within) :] += (followed.root_beyond @ outward).T
-    drawn[:, : len(within)] += by_within.standard_normal((number, 1)) * followed.sd_within
-
-    drawn *= sigma[:, None]
-    random, gained = by_errors.standard_normal((number, len(at), 1)), np.empty((*drawn.shape, 2))
-    step = max(1, _MOST_COVARIANCES // len(at) ** 2)
-    for part in (slice(first, first + step) for first in range(0, number, step)):
-        own, size = noise(part), sigma[part, None]
-        errors = (np.linalg.cholesky(own) @ random[part])[..., 0]
-        square = (size**2)[..., None] * followed.of_levels + own
-        wanted = np.stack([residual[part], residual[part] - size * levels[part] - errors], axis=-1)
-        gained[part] = followed.to_levels @ np.linalg.solve(square, wanted) * (size**2)[..., None]
-    gained[..., 1] += drawn
-    return gained[..., 0], gained[..., 1]
-
-
-class _Followed(NamedTuple):
-    """How g at places, those within the test first, follows g at the levels; for sigma = 1."""
-
-    of_levels: FloatArray  #: covariance of the levels, (levels, levels)
-    to_levels: FloatArray  #: covariance of places and levels, (places, levels)
-    mean: FloatArray  #: mean at the places per g at the levels, (places, levels)
-    directions: FloatArray  #: principal directions of the levels times standard deviations, (levels, levels)
-    sd_within: FloatArray  #: standard deviations within the test, given the levels
-    root_beyond: FloatArray  #: Cholesky factor of the covariance beyond the test, given the levels
-
-
-@lru_cache(maxsize=16)  # shared by all laws on a record
-def _follow_levels(at: tuple[float, ...], within: tuple[float, ...], beyond: tuple[float, ...]) -> _Followed:
-    """How g follows the levels; arguments as in `draw_discrepancy`."""
-    levels, places, origin = np.array(at), np.array([*within, *beyond]), float(np.mean(at))
-    of_levels, to_levels = (
-        discrepancy_covariance(levels, levels, origin),
-        discrepancy_covariance(places, levels, origin),
-    )
-    mean = to_levels @ np.linalg.pinv(of_levels, rcond=_ROUNDING, hermitian=True)
-    rest = discrepancy_covariance(places, places, origin) - mean @ to_levels.T
-    variance, directions = np.linalg.eigh(of_levels)
-    directions *= np.copysign(1.0, directions[-1])  # a sign that does not depend on rounding
-    outer = rest[len(within) :, len(within) :] + _ROUNDING * np.eye(len(beyond))
-    sd_within = np.sqrt(np.maximum(np.diag(rest)[: len(within)], 0.0))
-    directions = directions * np.sqrt(np.maximum(variance, 0.0))
-    return _Followed(of_levels, to_levels, mean, directions, sd_within, np.asarray(np.linalg.cholesky(outer)))
 
 
 def nonlinearity(p: FloatArray) -> FloatArray:

@@ -93,7 +93,7 @@ class Law:
 
 
 #: Selection of the points of parts: all, a block of them, or all with an axis that broadcasts with rows.
-Index: TypeAlias = EllipsisType | slice | tuple[EllipsisType, None]
+Index: TypeAlias = EllipsisType | slice | tuple[EllipsisType | slice, None]
 EACH_WITH_ROWS: Index = (..., None)
 #: A component, its leading coefficient and its shapes by name, arrays of one shape.
 Part: TypeAlias = tuple[Component, FloatArray, dict[str, FloatArray]]

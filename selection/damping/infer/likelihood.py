@@ -28,6 +28,8 @@ from damping.infer.observations import Observations
 REACH = 8.0  #: the prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow
 #: Points times rows computed at once: half a dozen such arrays stay in 1 MB, the second-level cache of a processor.
 BLOCK = 15_000
+#: Fewest points whose covariances of levels are worked on at once: with fewer, calls take longer than numbers.
+_FEWEST = 16
 #: Correlation length of the drift of a decay in ln A: a level or two of the usual steps of a fifth.
 DRIFT_LENGTH = 0.4
 #: Most sweeps for which a matrix product is the fastest way to sums over each, and a factor of their covariance cheap.
@@ -91,9 +93,9 @@ def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) 
     return weigh_levels(sums, x, coordinates.discrepancy_of_levels(x, parts), coordinates, data)
 
 
-def by_blocks(work: Callable[[slice], FloatArray], number: int, rows: int) -> FloatArray:
-    """``work`` for ``number`` points, (..., points), in blocks so that its arrays (points, rows) stay small."""
-    step = max(1, BLOCK // rows)
+def by_blocks(work: Callable[[slice], FloatArray], number: int, rows: int, most: int = BLOCK) -> FloatArray:
+    """``work`` for ``number`` points, (..., points), in blocks of at most ``most`` points times ``rows``."""
+    step = max(1, most // rows)
     if number <= step:
         return work(slice(None))
     return np.concatenate([work(slice(first, first + step)) for first in range(0, number, step)], axis=-1)
@@ -140,7 +142,8 @@ def weigh_levels(
                 return np.asarray(-0.5 * misfit - 0.5 * log_determinant)
 
             # half of a symmetric matrix is worked on
-            value = value + by_blocks(weigh, len(x), levels if many else (levels**2 + 1) // 2)
+            size = levels if many else min((levels**2 + 1) // 2, BLOCK // _FEWEST)
+            value = value + by_blocks(weigh, len(x), size)
         else:
             value = value - 0.5 * np.sum(sums[1:], axis=0)
     return np.where(np.isfinite(value), value, -np.inf)
@@ -179,7 +182,8 @@ def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations
     discrepancy = np.moveaxis(np.multiply.outer(covariance_of_levels(coordinates, data), sigma**2), -1, 0)
     if not (coordinates.with_level_scatter or data.amplitude_is_input):  # levels have no errors of their own
         return discrepancy
-    return scatter_covariance(*coordinates.scatter(x), data) + discrepancy
+    discrepancy += scatter_covariance(*coordinates.scatter(x), data)
+    return discrepancy
 
 
 def covariance_of_levels(coordinates: Coordinates, data: Observations) -> FloatArray:
