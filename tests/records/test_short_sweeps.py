@@ -120,7 +120,7 @@ def test_a_wrong_force_is_named_whatever_bends_the_damping(power):
 def test_a_channel_that_holds_one_value_is_refused(rows):
     """It gave a damping ratio of nine times the true one without a word: force over a held amplitude grows as force."""
     table = swept(np.linspace(-2.0, 2.0, rows) if rows > 1 else np.zeros(1), levels=4)
-    assert ("repeated-sweep", "refuse") in found_in(table.assign(amplitude=0.01))
+    assert ("repeated-sweep", "refuse") in found_in(table.assign(amplitude=0.0113))
 
 
 def test_a_response_held_by_its_controller_is_no_held_channel():
@@ -139,3 +139,9 @@ def test_computed_sweeps_of_a_linear_mode_are_no_copies(rows, phase):
     noisy = swept(span, levels=1).drop(columns=dropped)
     copy = noisy.assign(sweep="copy", force=3.0 * noisy["force"], amplitude=3.0 * noisy["amplitude"])
     assert ("repeated-sweep", "caution") in found_in(pd.concat([noisy, copy], ignore_index=True))
+
+
+def test_one_digit_may_hide_what_a_force_changed():
+    """0.01 stands for 0.005 to 0.015."""
+    table = swept(np.zeros(1), levels=4)
+    assert ("repeated-sweep", "refuse") not in found_in(table.assign(amplitude=0.01))

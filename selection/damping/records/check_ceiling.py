@@ -167,17 +167,17 @@ def find_ceiling(written: FloatArray, F: FloatArray, *, per_force: bool = False)
     if near.sum() < FEWEST_FLAT or np.sum(below > FLAT) < FEWEST_BESIDE or beside >= SMOOTH * near.sum():
         return None
     steady = np.ptp(F[near]) <= STEADY * F[near].max()
-    return top if steady and _count_digits(written) == DIGITS else None
+    return top if steady and count_digits(written) == DIGITS else None
 
 
 def find_resolution(A: FloatArray) -> float:
     """Resolution of the largest readings: the least difference of any two, or one unit of their last digit."""
     steps = np.diff(np.unique(A))
     least = float(steps.min()) if len(steps) else float(A.max())
-    return float(max(least, 10.0 ** (np.floor(np.log10(A.max())) - _count_digits(A) + 1)))
+    return float(max(least, 10.0 ** (np.floor(np.log10(A.max())) - count_digits(A) + 1)))
 
 
-def _count_digits(A: FloatArray) -> int:
+def count_digits(A: FloatArray) -> int:
     """Digits that represent all readings, at most ``DIGITS``."""
     return next((n for n in range(1, DIGITS) if all(float(f"{a:.{n - 1}e}") == a for a in A.tolist())), DIGITS)
 

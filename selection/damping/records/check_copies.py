@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ
-from damping.records.check_ceiling import find_resolution
+from damping.records.check_ceiling import count_digits, find_resolution
 from damping.records.runs import FEWEST_ROWS, Run, fit_parabola, slide_median
 from damping.records.view import Finding, View, label_sweeps
 
@@ -99,7 +99,7 @@ def check_copied_rows(view: View) -> Finding | None:
 
 #: Amplitudes of any mode differ where the lag turns by this, rad (from resonance on, by 30 %),
 TURNED = 0.25 * np.pi
-#: or where the force of single rows differs by this factor, unless readings have one digit.
+#: or where the force of single rows differs by this factor, unless readings of one digit hide it.
 FORCED = 2.0
 STEADY = 1.12  #: largest ratio of forces within a sweep whose response is not held by a controller
 
@@ -111,7 +111,7 @@ def _holds_one_reading(view: View) -> bool:
         return False
     swept = [run for run in view.raw if len(run) > 1]
     if not swept:
-        return bool(F.max() > FORCED * F.min())
+        return bool(F.max() > FORCED * F.min()) and count_digits(A[:1]) > 1
     return all(
         run.phase is not None and np.ptp(run.phase) > TURNED and run.F.max() < STEADY * run.F.min() for run in swept
     )
