@@ -16,6 +16,7 @@ from damping.effects import CATALOGUE
 from damping.forces import list_parameter_names
 from damping.forces.powers import Viscous
 from damping.gap.fit import ModelFit
+from damping.gap.hypotheses import Hypothesis
 from damping.gap.simulation import NO_SCATTER, within_tolerance
 from damping.infer.chains import Chains, Settings, Target, run
 from damping.infer.importance import importance
@@ -23,6 +24,7 @@ from damping.infer.likelihood import by_blocks, log_prior
 from damping.progress import Progress, silent, unknown_length
 from damping.records.mode import Mode
 
+ALIKE = 1.0  #: in ln evidence, a factor of three: targets of one effect that close are told together
 #: Number of draws behind each interval; content of every interval of a diagnosis.
 _DRAWS = 400
 CONTENT = 0.9
@@ -79,6 +81,20 @@ def describe_effects(fit: ModelFit) -> tuple[dict[str, dict[str, float]], dict[s
             where = f"of state {number}" if "state" in table else f"of sweep {sweeps[number - 1]}"
             places[effect] = f"{target} {where}" if not onward else f"{target} from sweep {sweeps[number - 1]} on"
     return values, places
+
+
+def name_places(leading: Hypothesis) -> dict[str, str]:
+    """Target of every effect that has one; those that fit alike (`ALIKE`) are joined by "or".
+
+    A linear mode, for one, does not tell a reading from the force.
+    """
+    named = {effect: [place] for effect, place in describe_effects(leading.best)[1].items()}
+    least = max(fit.log_evidence for fit in leading.near) - ALIKE
+    for fit in leading.near if named else ():
+        for effect, place in describe_effects(fit)[1].items():
+            if fit.log_evidence > least and place not in named[effect]:
+                named[effect].append(place)
+    return {effect: " or ".join(places) for effect, places in named.items()}
 
 
 def effect_intervals(fit: ModelFit) -> dict[str, dict[str, tuple[float, float]]]:

@@ -215,11 +215,11 @@ def curve_form(curve: Curve) -> Form:
 def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Form:
     """The form ``gap/1``; tests, local estimates, posterior and cautions are extra keys."""
     # a ranking needs no diagnosis to load
-    from damping.gap.corrected import describe_effects, effect_intervals, refitted_values  # noqa: PLC0415 - for a gap alone
+    from damping.gap.corrected import describe_effects, effect_intervals, name_places, refitted_values  # noqa: PLC0415 - for a gap alone
     from damping.gap.readings import list_far_readings  # noqa: PLC0415 - for a gap alone
 
     leading, held = diagnosis.leading, diagnosis.held_out
-    parameters, places = describe_effects(leading.best)
+    parameters = describe_effects(leading.best)[0]
     stray = {"set_aside": not leading.best.many_wild}
     far = [asdict(reading) | stray for reading in list_far_readings(leading.best)]
     scheme = "one force level: nothing can be held out" if held is None else held.scheme
@@ -238,7 +238,7 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
         "footprint": [asdict(cell) for cell in diagnosis.footprint],
         "gap": {**asdict(diagnosis.gap), "held_out": held_out},
         "parameters": parameters | {"simulation": refitted_values(leading.best)},
-        "places": places,
+        "places": name_places(leading),
         "intervals": {
             effect: {name: list(interval) for name, interval in values.items()}
             for effect, values in effect_intervals(leading.best).items()

@@ -9,7 +9,7 @@ import pandas as pd
 from damping import report as words
 from damping.effects import CATALOGUE
 from damping.forces.shapes import Shape
-from damping.gap.corrected import describe_effects, effect_intervals, is_gone
+from damping.gap.corrected import describe_effects, effect_intervals, is_gone, name_places
 from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import ALARM, smallest_p
 from damping.gap.readings import describe_rest
@@ -37,7 +37,8 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
     the gap), ``doubts`` (effects that cannot be separated), ``trends`` (of local damping and frequency with amplitude),
     ``reach`` (how far the gap shrinks on held-out levels), ``following`` (what to test next).
     """
-    leading, (parameters, places) = diagnosis.hypotheses[0], describe_effects(diagnosis.leading.best)
+    leading, places = diagnosis.hypotheses[0], name_places(diagnosis.leading)
+    parameters = describe_effects(diagnosis.leading.best)[0]
     named = {name: f"{name}, {places[name]}" if name in places else name for name in leading.effects}
     apart = [] if diagnosis.unexplained_rows else describe_repeatability(diagnosis.setting, diagnosis.leading.best)
     trends = (("Damping", diagnosis.damping_trend), ("Natural frequency", diagnosis.frequency_trend))
