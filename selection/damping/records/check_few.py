@@ -21,7 +21,7 @@ def check_few(view: View) -> Finding | None:
         f"{name_sweeps(sweeps)}: the largest response is at the edge of the few rows, so the resonance may lie beyond"
     )
     advice = (
-        "add a row past it, or record the phase: the edge is taken for the resonance, and else the damping reads high"
+        "add a row past it, or record the phase: if the edge, which is taken, is not the resonance, damping reads high"
     )
     return Finding("edge-of-sweep", "caution", what, advice, sweeps)
 
