@@ -75,6 +75,7 @@ class Paths:
             of_mean[part] = solved[..., 0]
             of_path[part] = solved[..., 1] + size * (levels @ known.inverse)
         seeds, inner = by_beyond.bit_generator.seed_seq, by_within.standard_normal((number, 1))
+        # numpy types the seed of a bit generator as a protocol; that of a spawned generator is a SeedSequence
         return cls(at, sigma, of_mean, of_path, points[:_STEPS_BEYOND], seeds, inner)  # type: ignore[arg-type]
 
     def follow(self, within: FloatArray, beyond: FloatArray) -> tuple[FloatArray, FloatArray]:

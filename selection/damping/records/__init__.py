@@ -18,6 +18,7 @@ from damping.records import (
     check_copies,
     check_few,
     check_levels,
+    check_mode_file,
     check_phases,
     check_sweeps,
     check_units,
@@ -67,7 +68,7 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_copies.check_repeats, _OF_LEVELS),
     (check_levels.check_levels, ("beyond-model",)),
     (check_ceiling.check_ceiling, ()),
-    (check_levels.check_beyond_model, ()),
+    (check_mode_file.check_beyond_model, ()),
 )
 
 

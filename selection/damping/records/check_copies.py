@@ -66,8 +66,9 @@ def _find_factor(first: Run, second: Run) -> float | None:
 
 def _measure_misfit(run: Run) -> float:
     """Median misfit of |Y|^2 by a parabola in omega^2, which computed rows of a linear mode follow."""
-    fitted, size = fit_parabola(run.omega, run.F / run.A), run.F / run.A
-    return np.inf if fitted is None else float(np.median(np.abs(fitted.at(run.omega) / size**2 - 1.0)))
+    size = run.F / run.A
+    fitted = fit_parabola(run.omega, size)
+    return np.inf if fitted is None else fitted.misfit(run.omega, size**2)
 
 
 #: Fewest successive rows that repeat others, with and without phases: fewer may agree by chance.

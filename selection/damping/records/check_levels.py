@@ -1,4 +1,4 @@
-"""Checks of levels against each other and the mode file: amplitudes that fall with force, mass, frequency, damping."""
+"""Check of levels against each other: amplitudes that fall with force, and masses that differ."""
 
 from dataclasses import dataclass
 from math import log
@@ -7,17 +7,14 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import BoolArray, FloatArray
-from damping.forces import component
-from damping.records.check_units import SMALL_RATIO, describe_unusual_ratio, name_factor, name_unit
 from damping.records.leg import Leg
-from damping.records.mode import Mode
 from damping.records.view import Finding, NamedFinding, View, name_sweeps, take_median
 
 FORCE_STEP = 1.1  #: levels are compared if their forces differ by this factor
 FALLEN = 0.87  #: a resonant amplitude falls if it is below this share of that at a lower force
 FALLING = 0.3  #: share of falling pairs of levels needed if no mass shows which level is wrong
-#: Share of the amplitude at a lower force below which even a single pair of levels is doubted. Where amplitudes scatter
-#: by 5 % and do not grow with force, chance brings one pair in 40 000 so far apart.
+#: Share of the amplitude at a lower force below which a single pair of levels is doubted. If amplitudes did not grow
+#: with force at all and scattered by 5 %, one pair in 40 000 would be as far apart.
 DEEP_FALL = 0.75
 #: An amplitude of one level off by this factor hides any law; the diagnosis names smaller errors.
 HOPELESS = 2.0
@@ -183,119 +180,3 @@ def _find_exchanged(odd: list[OddMass]) -> tuple[OddMass, ...]:
             if np.abs(apart).max() < log(FORCE_STEP):
                 return first, second
     return ()
-
-
-FAR_FREQUENCY = 1.1  #: factor from which the frequency of the lowest level, bent least, is far from the mode file's
-FAR_DAMPING = 5.0  #: the same for the damping ratio, the least known input of a simulation
-NEAR_NAMED = 0.4  #: distance (ln) from a factor between units within which such a ratio is called by it
-#: Without phases, masses agree if three levels or more, with forces that differ by this factor, scatter by less than
-#: the share ``AGREE`` of their distance (ln) from the mode file's mass: bending changes with amplitude, gains do not.
-AGREE_OVER = 2.0
-FEWEST_AGREE = 3
-AGREE = 0.1
-OTHER_MODE = 1.25  #: a mode farther than this factor outside the range of the rows is not in the record
-
-
-def check_beyond_model(view: View) -> Finding | None:
-    """Mass, frequency or damping far from the mode file's."""
-    if view.mode is None or view.implied.empty:
-        return None
-    differences = []
-    table = view.implied.sort_values("force", kind="stable")
-    added = list_medians(view, view.record.added_masses, table)
-    hertz = table["frequency"].to_numpy(dtype=np.float64) * np.sqrt(1.0 + added / view.mode.mass)  # without added mass
-    frequency = float(hertz[0])
-    if abs(log(frequency / view.mode.frequency)) > log(FAR_FREQUENCY):
-        differences.append(f"resonance at {frequency:.4g} Hz, {view.mode.frequency:.4g} Hz in the mode file")
-    sure = view.paired or _agree(view)
-    far_mass = FAR_MASS if sure else FAR_MASS_WITHOUT_PHASE
-    base = view.mode.drive == "base"
-    if not base and view.straight and view.mass_ratio > 0.0 and abs(log(view.mass_ratio)) > log(far_mass):
-        name = name_factor(view.mass_ratio)
-        differences.append(f"the rows imply {view.mass_ratio:.3g} times its mass" + (f" ({name}?)" if name else ""))
-    simulated, zeta = view.mode.viscous_ratio, float(table["damping_ratio"].iloc[0])
-    advice = "check the gain of the sensor, that it reads displacement, and the mode file"
-    if simulated and zeta > 0.0 and len(view.mode.damping) == 1 and abs(log(zeta / simulated)) > log(FAR_DAMPING):
-        name = name_unit(zeta / simulated, view.mode.units, within=NEAR_NAMED)
-        differences.append(
-            f"a damping ratio of {zeta:.3g}, {simulated:.3g} in the mode file{f' ({name}?)' if name else ''}"
-        )
-    elif not simulated and (unusual := describe_unusual_ratio(view, zeta)):
-        name = f" ({name_unit(zeta / 0.01, view.mode.units)}?)" if zeta < SMALL_RATIO else ""
-        differences.append(f"a damping ratio of {zeta:.3g}, {unusual} than assembled structures have{name}")
-        advice = "check the units of force and response, that their columns are not exchanged, and the mass"
-    if not differences:
-        return _compare_structures(view, view.mode, hertz) or _compare_frequencies(view, view.mode, hertz)
-    swept = view.record.column("frequency")
-    other = not swept.min() / OTHER_MODE < view.mode.frequency < swept.max() * OTHER_MODE
-    advice = "model and record are of different modes" if other else advice
-    return Finding("beyond-model", "refuse" if other else "caution", "; ".join(differences), advice, view.record.sweeps)
-
-
-def _agree(view: View) -> bool:
-    """Whether the masses of all levels are far from the stated masses, and agree with each other."""
-    table = view.implied[view.implied["mass"].notna()]
-    if len(table) < FEWEST_AGREE or table["force"].max() < AGREE_OVER * table["force"].min():
-        return False
-    x = compare_masses(view, table)
-    return bool(np.ptp(x) < AGREE * abs(np.median(x)))
-
-
-#: The mode file is of another structure or state if frequency and mass are both off by this many stated tolerances,
-#: well beyond the usual three; a joint or spring moves the frequency alone;
-OTHER_STRUCTURE = 5.0
-LEAST_SHIFT = 0.01  #: and the frequency by this, ln: a structure set up again shifts by less, whatever is stated;
-SCATTERS = 3.0  #: and the mass by this many times its scatter.
-_WHICH_STATE = "is the mode file of this structure in this state? correct"
-
-
-def _compare_structures(view: View, mode: Mode, hertz: FloatArray) -> Finding | None:
-    """A mode file whose frequency and mass are both many tolerances away from those of every level.
-
-    ``hertz``: frequency of every level without added mass. Only masses from phases are accurate enough.
-    """
-    stated, ratio = mode.tolerance, view.mass_ratio
-    phased = [leg.turn.scatter for leg in view.legs if leg.turn and leg.paired and np.isfinite(leg.mass[0])]
-    if stated.from_record or mode.drive == "base" or not phased or not ratio > 0.0:
-        return None
-    nearest = float(hertz[np.argmin(np.abs(np.log(hertz / mode.frequency)))])
-    shift, heavier = abs(log(nearest / mode.frequency)), abs(log(ratio))
-    moved = shift > max(OTHER_STRUCTURE * stated.frequency, LEAST_SHIFT)
-    if not moved or heavier < max(OTHER_STRUCTURE * stated.mass, SCATTERS * take_median(phased)):
-        return None
-    what = f"resonance at {nearest:.4g} Hz, {mode.frequency:.4g} Hz in the mode file, and a mass of "
-    what += f"{ratio * mode.mass:.4g}, {mode.mass:.4g} there, where it states tolerances of "
-    what += f"{100.0 * stated.frequency:.2g} % and {100.0 * stated.mass:.2g} %"
-    advice = f"{_WHICH_STATE} it, or state tolerances that it meets"
-    return Finding("beyond-model", "caution", what, advice, view.record.sweeps)
-
-
-BANDWIDTHS = 1.0  #: half-power bandwidths between two resonances from which they share no row near resonance
-#: Distance of the lowest level from the mode file's frequency, over the further shift of the other levels, that one
-#: cause can explain: a joint fourfold beyond its limit has lost 4.7 times what it loses from there to sixteenfold.
-MOVED_BEFORE = 5.0
-#: Least shift, ln, that is doubted if there is one level, which cannot show that a joint or spring moves the frequency:
-#: these seldom move it by 5 %.
-LEAST_SHIFT_ALONE = 0.05
-
-
-def _compare_frequencies(view: View, mode: Mode, hertz: FloatArray) -> Finding | None:
-    """A mode file whose frequency no level is near, nor would be at a smaller amplitude.
-
-    ``hertz``: frequency of every level without added mass. Modes simulated with a cause that moves the resonance pass.
-    """
-    far = np.log(mode.frequency / hertz)
-    shift = float(np.abs(far).min())
-    width = float(2.0 * np.nan_to_num(view.implied["damping_ratio"]).max())
-    least = LEAST_SHIFT if len(hertz) > 1 else LEAST_SHIFT_ALONE
-    away = float(np.max(np.sign(far[0]) * (far - far[0])))
-    moves = mode.tolerance.from_record or mode.effects or any(component(name).example.restores for name in mode.damping)
-    apart = max(OTHER_STRUCTURE * mode.tolerance.frequency, BANDWIDTHS * width, least)
-    if moves or not width > 0.0 or shift < apart or abs(far[0]) < MOVED_BEFORE * away:
-        return None
-    nearest = float(hertz[np.argmin(np.abs(far))])
-    what = f"resonance at {nearest:.4g} Hz, {mode.frequency:.4g} Hz in the mode file: {shift / width:.2g} half-power "
-    what += f"bandwidths away, where it states a tolerance of {100.0 * mode.tolerance.frequency:.2g} %"
-    what += ", and no level comes nearer" if len(hertz) > 1 else ""
-    advice = f"{_WHICH_STATE} its frequency, or state a tolerance that it meets"
-    return Finding("beyond-model", "caution", what, advice, view.record.sweeps)

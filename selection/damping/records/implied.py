@@ -118,7 +118,7 @@ def estimate_mass_without_phase(run: Run) -> tuple[float, bool] | None:
     if fitted is None:
         return None
     size, near = (run.F / run.A) ** 2, NO_PARABOLA + 2.0 * run.noise
-    straight = float(np.median(np.abs(fitted.at(run.omega) / size - 1.0))) < near
+    straight = fitted.misfit(run.omega, size) < near
     beside = None if straight else _fit_residual(fitted.place(run.omega), 1.0 / size)
     mass = fitted.a**0.5 if beside is None or beside[1] > near else beside[0]
     return mass / fitted.middle**2, straight

@@ -97,7 +97,7 @@ def _may_resonate(run: Run, k: int, factor: float) -> bool:
     fitted = fit_parabola(run.omega[near], size[near])
     if fitted is None:
         return True
-    follows = np.median(np.abs(fitted.at(run.omega[near]) / size[near] ** 2 - 1.0)) < NO_PARABOLA + 2.0 * run.noise
+    follows = fitted.misfit(run.omega[near], size[near] ** 2) < NO_PARABOLA + 2.0 * run.noise
     return not (follows and size[k] ** 2 * factor**2 < fitted.least)
 
 

@@ -125,6 +125,10 @@ class Parabola:
         x = self.place(omega)
         return (self.a * x + self.b) * x + self.c
 
+    def misfit(self, omega: FloatArray, squared: FloatArray) -> float:
+        """Median distance from |Y|^2 of rows, ``squared`` (n,), relative to it."""
+        return float(np.median(np.abs(self.at(omega) / squared - 1.0)))
+
     @property
     def least(self) -> float:
         """Smallest |Y|^2; not above 0 where the rows are no mode."""
@@ -185,7 +189,7 @@ def find_between(
         if not (least > 0.0 and f[k - 1] < resonance < f[k + 1]):
             return None
         driven = float(np.interp(resonance, f, F))
-    if fitted is None or np.median(np.abs(fitted.at(at) / straight - 1.0)) > NO_PARABOLA:
+    if fitted is None or fitted.misfit(at, straight) > NO_PARABOLA:
         return None
     return driven, resonance, driven / float(np.sqrt(least))
 
