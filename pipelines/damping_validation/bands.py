@@ -20,6 +20,7 @@ from damping.extrapolation.cautions import REFUSAL
 from damping.extrapolation.plan import Plan
 from damping.extrapolation.prediction import Loads
 from damping.extrapolation.prepared import prepare_record
+from damping.plots import scales
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import record_to_csv
@@ -204,6 +205,6 @@ def _draw_parts(ax: Axes, bands: pd.DataFrame) -> None:
     whole = np.sqrt((parts**2).sum(axis=1, min_count=1))
     ax.plot(bands["extrapolation_ratio"], whole, color=plots.MEASURED, lw=1.0, ls=":", label="whole")
     ax.set(xscale="log", xlabel="force over largest tested", ylabel="standard deviation, % of amplitude")
-    plots.plain_log(ax.xaxis)
+    scales.plain_log(ax.xaxis)
     ax.set_title("four parts")
     ax.legend()

@@ -20,7 +20,8 @@ from damping.arrays import FloatArray
 from damping.forces import make
 from damping.forces.contract import Sum
 from damping.infer.observations import Observations
-from damping.plots import INK, MUTED, build_panel, draw_plain_rows, plain_log, styled
+from damping.plots import INK, MUTED, build_panel, draw_plain_rows, styled
+from damping.plots.scales import plain_log
 from damping.predict.steady import resonant_amplitude
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances

@@ -8,7 +8,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from damping.plots import ALERT, AVERAGE, LINEAR, MEASURED, PREDICTIVE, build_panels, law_style, plain_log, styled
+from damping.plots import ALERT, AVERAGE, LINEAR, MEASURED, PREDICTIVE, build_panels, law_style, styled
+from damping.plots.scales import plain_log
 from damping.report.page import Table
 from damping_reed1970 import LABELS, ReportPart, chapter_table, write_chapter
 from damping_reed1970.chapter_4 import F_EXAMPLE, PRINTED

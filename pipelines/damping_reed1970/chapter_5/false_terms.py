@@ -16,7 +16,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from damping.arrays import BoolArray, FloatArray, IntArray
-from damping.plots import AVERAGE, LINEAR, build_panels, plain_log, styled
+from damping.plots import AVERAGE, LINEAR, build_panels, styled
+from damping.plots.scales import plain_log
 from damping_reed1970 import columns, load_table
 from damping_reed1970.chapter_5 import GENERATOR, energy_design
 from damping_reed1970.chapter_5.nine_terms import NINE_TERMS

@@ -19,7 +19,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from damping.arrays import FloatArray
-from damping.plots import ALERT, LINEAR, MUTED, build_panels, plain_log, styled
+from damping.plots import ALERT, LINEAR, MUTED, build_panels, styled
+from damping.plots.scales import plain_log
 from damping.regression.design import Design
 from damping.regression.fit import Fit, fit, one_term_fits, tabulate_terms
 from damping.regression.selecting import fit_nonnegative, stepwise

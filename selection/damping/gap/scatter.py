@@ -77,13 +77,18 @@ def _describe_scatters(setting: Setting, fit: ModelFit, rank: int, ending: str) 
     for (what, name, scatter), sizes in zip(of_kinds, map(np.unique, tried), strict=True):
         if len(sizes) > 1 and np.isclose(scatter, sizes[-rank], rtol=1e-6):
             first, *_, last = _list_deviations(fit, name)
-            span = f"from {first[0]:+.2%} in {first[1]} to {last[0]:+.2%} in {last[1]}"
+            span = f"from {_format_small(first[0])} in {first[1]} to {_format_small(last[0])} in {last[1]}"
             span += ", as if the mass or frequency of a state were not as stated" * first[1].startswith("every")
             side = "above" if first[0] > 0.0 else "below"
             lie = "scatter by" if first[0] * last[0] <= 0.0 else f"are all {side} the fit, with a repeatability of"
             order = _describe_order(fit, name)
             scatters.append(f"the {what} of the levels {lie} {scatter:.2%}, {ending.format(span)}{order}")
     return scatters
+
+
+def _format_small(share: float) -> str:
+    """A share in per cent with its sign and two decimals, or two digits where those would leave one: ``+0.0034%``."""
+    return f"{share:+.2%}" if abs(share) >= 1e-3 else f"{100.0 * share:+.2g}%"
 
 
 def _describe_order(fit: ModelFit, field: str) -> str:

@@ -19,10 +19,9 @@ from zlib import crc32
 
 from matplotlib import rc_context, rc_params_from_file, rcParamsDefault
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
+from matplotlib.ticker import ScalarFormatter
 
 from damping.forces import CATALOGUE, Viscous
 from damping.plots.given import drawn_on
@@ -180,14 +179,6 @@ def law_style(name: str) -> LawStyle:
 def describe_with_unit(what: str, unit: str) -> str:
     """An axis label: ``what`` with its unit in parentheses, where it has one."""
     return f"{what} ({unit})" if unit else what
-
-
-def plain_log(axis: Axis) -> None:
-    """Label only the decades of a logarithmic axis with plain numbers, or 1, 2 and 5 on a short axis."""
-    low, high = sorted(axis.get_view_interval())
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 15.0 * low else (1.0,), numticks=7))
-    axis.set_major_formatter(lambda value, position: f"{value:.0f}" if value >= 1000.0 else f"{value:g}")
-    axis.set_minor_locator(NullLocator())
 
 
 def draw_plain_rows(axes: Axes, labels: list[str]) -> None:

@@ -4,6 +4,7 @@ A line is solid within the test and dashed beyond it, where the background is al
 """
 
 from operator import itemgetter
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from damping import plots as look
-from damping.plots import build_panel, build_panels, describe_short, describe_with_unit, distinguish, law_style, styled
+from damping.plots import build_panel, build_panels, describe_with_unit, distinguish, law_style, styled
 from damping.records.text import count
 
 _MEDIAN: Any = {"color": look.AVERAGE, "linewidth": 2.2}  #: the median within the test
@@ -40,7 +41,7 @@ def damping_curve(
     figure, panel = build_panel(3.7, describe_with_unit("resonant amplitude", unit), "damping ratio (%)", axes=axes)
     _draw_damping_ratio(panel, table, tested)
     marks = [
-        *_build_median_marks(),
+        *_build_median_marks()[: 2 if not table["tested"].all() else 1],
         Patch(color=look.PREDICTIVE, label=f"{100 * level:g} % predictive band"),
         Line2D([], [], color=look.LINEAR, linewidth=1.2, label="low end: size loads with it"),
         *([] if tested is None or tested.empty else [_build_measured_mark(len(tested))]),
@@ -152,7 +153,7 @@ def fitted_sweeps(
     measured_label = f"measured ({count(sweeps.ngroups, 'sweep')}, n = {len(measured)})"
     marks = [
         Line2D([], [], marker="o", color=look.MEASURED, linestyle="", label=measured_label),
-        Line2D([], [], color=law_style(law).colour, linewidth=1.3, label=f"fitted: {describe_short(law, 46)}"),
+        Line2D([], [], color=law_style(law).colour, linewidth=1.3, label="\n".join(wrap(f"fitted: {law}", 54))),
     ]
     figure.legend(handles=marks, loc="outside lower left", ncols=1)
     return figure

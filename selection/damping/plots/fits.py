@@ -15,7 +15,8 @@ from damping import plots as look
 from damping.arrays import FloatArray
 from damping.plots import describe_short, draw_plain_rows, law_style, styled
 from damping.plots.given import count_rows, name_rows
-from damping.records.text import format_share
+from damping.plots.scales import plain_log
+from damping.records.text import SUPERSCRIPT, format_share
 
 #: Points from which on they are drawn as one picture: a mark each would make a file many times the data.
 MANY = 5_000
@@ -128,7 +129,7 @@ def _draw_errors(axes: Axes, table: pd.DataFrame) -> None:
     if np.isfinite(held_out).any():
         axes.plot(held_out, rows, "o", color=look.INK, markersize=5, label="level held out, root mean square")
     axes.tick_params(axis="y", labelleft=False)
-    look.plain_log(axes.xaxis)
+    plain_log(axes.xaxis)
     exact = "\n(at the edge: rounding)" if np.nanmin(columns, initial=1.0) < SMALLEST else ""
     axes.set_xlabel("error of amplitude (%)" + exact)
 
@@ -138,8 +139,13 @@ CONTENTS = (0.9, 0.5)
 _BINS = 24
 #: Parameters from which two long numbers below a panel run into one another.
 _CROWDED = 4
-#: Letters of a line of a name below all panels together: each name has its panel's width, and height beside it.
-_LETTERS_ALONG = 70
+#: Letters of a line of a name below all panels together, for an inch: each name has its panel's width, and height
+#: beside it.
+_LETTERS_ALONG = 13.5
+_NAME_SIZE = 7.5  #: size of a name, points, smaller where a word is longer than its panel is wide
+_MOST_UNIT_LINES = 2  #: lines of a unit: the rest of a longer one is left out
+#: Values are in units of a power of 10^3 unless 90 % of them end between: longer numbers run into one another.
+_PLAIN = (0.01, 1e4)
 #: Room for numbers and a name of two lines below the lowest panels, and for each further line there and beside, inches.
 _BELOW = 0.8
 _LINE = 0.13
@@ -156,12 +162,18 @@ def corner(draws: Mapping[str, FloatArray], prior: Mapping[str, FloatArray]) -> 
     """
     labels = list(draws)
     size = len(labels)
-    height = look.WIDTH * min(1.1, 0.4 + 0.2 * size)
-    names = {label: _wrap_parameter(label, _LETTERS_ALONG // size) for label in labels}
+    width = look.WIDTH if size <= _CROWDED else look.TEXT_WIDTH
+    height = width * min(1.1, 0.4 + 0.2 * size)
+    powers = {label: _find_power(draws[label]) for label in labels}
+    draws, prior = ({label: own[label] / 10.0 ** powers[label] for label in labels} for own in (draws, prior))
+    letters = int(_LETTERS_ALONG * width / size)
+    names = {label: _wrap_parameter(label, letters, powers[label]) for label in labels}
+    widest = max(len(line) for name in names.values() for line in name.split("\n"))
+    named = _NAME_SIZE * min(1.0, letters / widest)
     further = _LINE * max(0, max(name.count("\n") for name in names.values()) - 1)
-    figure = Figure(figsize=(look.WIDTH, height), layout="none")  # type: ignore[arg-type]  # the stubs lack "none"
+    figure = Figure(figsize=(width, height), layout="none")  # type: ignore[arg-type]  # the stubs lack "none"
     figure.subplots_adjust(
-        left=0.17 + further / look.WIDTH,
+        left=(0.17 * look.WIDTH + further) / width,
         right=0.94,
         bottom=(_BELOW + further) / height,
         top=1.0 - _ABOVE / height,
@@ -180,11 +192,12 @@ def corner(draws: Mapping[str, FloatArray], prior: Mapping[str, FloatArray]) -> 
                 _draw_alone(axes[i, i], draws[row], prior[row], limits[row])
             else:
                 _pair(axes[i, j], draws[column], draws[row], (limits[column], limits[row]))
-            beside = names[row] if j == 0 and i > 0 else ""
-            _draw_edges(axes[i, j], names[column] if i == size - 1 else "", beside, turned)
+            left = names[row] if j == 0 and i > 0 else ""
+            _draw_edges(axes[i, j], names[column] if i == size - 1 else "", left, turned, named)
             axes[i, j].set_xlim(*limits[column])
     figure.align_labels()
-    axes[0, 0].legend(loc="upper left", bbox_to_anchor=(1.15, 1.0), borderaxespad=0.0)
+    beside: Any = {"loc": "upper left", "bbox_to_anchor": (1.15, 1.0), "borderaxespad": 0.0}
+    axes[0, 0].legend(**(beside if size > 1 else {}))
     return figure
 
 
@@ -219,21 +232,32 @@ def _pair(axes: Axes, x: FloatArray, y: FloatArray, limits: tuple[FloatArray, Fl
     axes.set_ylim(*limits[1])
 
 
-def _draw_edges(axes: Axes, x_label: str, y_label: str, turned: float) -> None:
-    """Numbers, those below ``turned`` by degrees, and names on the outer axes only."""
+def _draw_edges(axes: Axes, x_label: str, y_label: str, turned: float, size: float) -> None:
+    """Numbers, those below ``turned`` by degrees, and names of a ``size`` in points on the outer axes only."""
     axes.xaxis.set_major_locator(MaxNLocator(3, prune="both"))
     axes.yaxis.set_major_locator(MaxNLocator(3, prune="both"))
     below, beside = bool(x_label), bool(y_label)
     axes.tick_params(labelbottom=below, labelleft=beside, left=beside, labelsize=7, color=look.MUTED)
     axes.tick_params(axis="x", labelrotation=turned)
-    axes.set_xlabel(x_label, fontsize=7.5)
-    axes.set_ylabel(y_label, fontsize=7.5)
+    axes.set_xlabel(x_label, fontsize=size)
+    axes.set_ylabel(y_label, fontsize=size)
 
 
-def _wrap_parameter(label: str, letters: int) -> str:
-    """The name of a parameter in lines, its unit in the last."""
-    name, *unit = label.split(" (", 1)
-    return "\n".join([*wrap(name, letters), *(f"({own}" for own in unit)])
+def _find_power(values: FloatArray) -> int:
+    """The power of ten, a multiple of 3, in whose units values are drawn."""
+    size = float(np.abs(np.percentile(values, (5.0, 95.0))).max())
+    return 0 if size == 0.0 or _PLAIN[0] <= size < _PLAIN[1] else 3 * int(np.floor(np.log10(size) / 3.0))
+
+
+def _wrap_parameter(label: str, letters: int, power: int) -> str:
+    """The name of a parameter in lines, below it its unit with the power of ten."""
+    name, _, unit = label.partition(" (")
+    ten = f"10{str(power).translate(SUPERSCRIPT)} " if power else ""
+    lines = wrap(ten + unit.removesuffix(")"), letters, break_on_hyphens=False)
+    if len(lines) > _MOST_UNIT_LINES:
+        lines = [*lines[: _MOST_UNIT_LINES - 1], describe_short(lines[_MOST_UNIT_LINES - 1] + "…", letters)]
+    beside = [f"({chr(10).join(lines)})"] if lines else []
+    return "\n".join([*wrap(name, letters, break_long_words=False), *beside])
 
 
 _LETTERS_BESIDE = 22  #: letters of a law's name beside a row of a panel
@@ -265,5 +289,6 @@ def predictive_check(table: pd.DataFrame, level: float) -> Figure:
             axes.plot([low, high], [row, row], color=colour, linewidth=2.0)
             axes.plot(median, row, "o", color=colour, markersize=4.5, markeredgecolor="white")
         axes.set_title(f"sweep {label}")
+    panels[0, 0].xaxis.set_major_locator(MaxNLocator(MOST_TICKS - 2))
     figure.supxlabel(f"{100 * level:g} % predictive interval of resonant amplitude (% of the measured)", fontsize=8.5)
     return figure

@@ -1,5 +1,6 @@
 """A gap between simulation and test: its location, measured and simulated curves, local estimates, probabilities."""
 
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,9 @@ from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
 
 from damping import plots as look
-from damping.plots import build_panel, build_panels, describe_with_unit, draw_plain_rows, plain_log, styled
+from damping.plots import build_panel, build_panels, describe_with_unit, draw_plain_rows, styled
 from damping.plots.given import count_rows, name_rows
+from damping.plots.scales import plain_log
 from damping.records.text import format_share
 
 _TICKS = [-1000, -100, -10, -2, 0, 2, 10, 100, 1000]  #: marks of the colour bar, in units of noise
@@ -53,6 +55,7 @@ MODELS = {
     "explained": (look.ALERT, "-", "with the explanation"),
 }
 _PER_ROW = 2  #: sweeps beside one another
+_LETTERS_UP = 20  #: letters beside a panel of amplitudes
 
 
 def _draw_models(ax: Axes, curves: pd.DataFrame, x: str, y: str) -> None:
@@ -87,7 +90,7 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str) ->
             _draw_panel(ax, points, curves, quantity)
         panels[0].set_title(f"sweep {sweep}")
         if column == 0:
-            panels[0].set_ylabel(describe_with_unit("amplitude", length))
+            panels[0].set_ylabel("\n".join(wrap(describe_with_unit("amplitude", length), _LETTERS_UP)))
         if with_phase:
             panels[0].tick_params(axis="x", labelbottom=False)
         if with_phase and column == 0:
@@ -127,7 +130,13 @@ def gap_local(estimates: pd.DataFrame, curves: pd.DataFrame, length: str) -> Fig
         length: unit of the amplitude.
     """
     figure, axes = build_panels(5.0, 2)
-    for ax, quantity, label in zip(axes, ("frequency", "damping"), ("frequency (Hz)", "damping ratio"), strict=True):
+    estimates, curves = (
+        own.assign(**{name: 100.0 * own[name] for name in own if str(name).startswith("damping")})
+        for own in (estimates, curves)
+    )
+    for ax, quantity, label in zip(
+        axes, ("frequency", "damping"), ("frequency (Hz)", "damping ratio (%)"), strict=True
+    ):
         for model, name in (("refitted", "simulation, refitted"), ("explained", "with the explanation")):
             rows = curves[curves["model"] == model]
             ax.plot(rows["amplitude"], rows[quantity], color=MODELS[model][0], label=name)

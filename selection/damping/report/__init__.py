@@ -14,6 +14,7 @@ from damping.forces import shapes_of
 from damping.forces.shapes import Dimension
 from damping.records.mode import Units
 from damping.records.text import NOTHING as NOTHING
+from damping.records.text import SUPERSCRIPT
 from damping.records.text import count as count
 from damping.records.text import format_share as format_share
 
@@ -50,11 +51,8 @@ def format_counted(n: int, what: str) -> str:
     return f"{_SMALL[n] if n < len(_SMALL) else n} {what}{'s' * (n > 1)}"
 
 
-_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
 def number(value: SupportsFloat, digits: int = 3) -> str:
-    """``value`` with ``digits`` significant digits: 2.90, 1 250 000 as 1.25×10⁶, a dash where there is none."""
+    """``value`` with ``digits`` significant digits: 2.90, 583000, 1 250 000 as 1.25×10⁶, a dash for none."""
     x = float(value)
     if not isfinite(x):
         return NOTHING
@@ -63,8 +61,9 @@ def number(value: SupportsFloat, digits: int = 3) -> str:
     mantissa, _, exponent = f"{x:.{digits - 1}e}".partition("e")
     power = int(exponent)
     if -4 < power < 6:
+        x = round(x, digits - 1 - power) if power > digits else x  # four digits of 1234 are what people write
         return f"{x:.{max(digits - 1 - power, 0)}f}".replace("-", "−")
-    return f"{mantissa}×10{str(power).translate(_SUPERSCRIPT)}".replace("-", "−")
+    return f"{mantissa}×10{str(power).translate(SUPERSCRIPT)}".replace("-", "−")
 
 
 def describe_written(value: Any) -> str:
@@ -100,11 +99,11 @@ def format_quantity(value: SupportsFloat, unit: str, digits: int = 3) -> str:
 
 
 #: Smaller names of a metre, each with what it is multiplied by, for amplitudes up to the first number.
-_SMALLER_METRES = ((2e-5, 1e6, "µm"), (0.02, 1e3, "mm"))
+_SMALLER_METRES = ((2e-8, 1e9, "nm"), (2e-5, 1e6, "µm"), (0.02, 1e3, "mm"))
 
 
 def choose_length(unit: str, largest: SupportsFloat) -> tuple[float, str]:
-    """Factor and name of the unit for lengths up to ``largest``: mm or µm for small ones in metres."""
+    """Factor and name of the unit for lengths up to ``largest``: mm, µm or nm for small ones in metres."""
     size = abs(float(largest))
     for most, factor, name in _SMALLER_METRES:
         if unit == "m" and 0.0 < size < most:
@@ -113,7 +112,7 @@ def choose_length(unit: str, largest: SupportsFloat) -> tuple[float, str]:
 
 
 def format_length(value: SupportsFloat, unit: str) -> str:
-    """A length with its unit; small ones in metres are given in mm or µm."""
+    """A length with its unit; small ones in metres are given in mm, µm or nm."""
     factor, name = choose_length(unit, value)
     return format_quantity(factor * float(value), name)
 
@@ -135,8 +134,10 @@ def format_gravity(amplitude: SupportsFloat, frequency: SupportsFloat, unit: str
 
 
 def format_force_text(force: SupportsFloat, unit: str) -> str:
-    """A requested force: ``90 lb``."""
-    return f"{float(force):.6g} {unit}".strip()
+    """A requested force: ``90 lb``, ``8×10⁻⁹ N``."""
+    mantissa, _, power = f"{float(force):.6g}".partition("e")
+    size = f"{mantissa}×10{str(int(power)).translate(SUPERSCRIPT)}" if power else mantissa
+    return f"{size} {unit}".strip()
 
 
 def format_between(low: SupportsFloat, high: SupportsFloat, unit: str = "", digits: int = 3) -> str:
@@ -232,7 +233,7 @@ def _format_raised(plain: float, raised: float) -> str:
 def _format_power(power: float) -> str:
     if power == 1.0:
         return ""
-    return f"{power:.0f}".translate(_SUPERSCRIPT) if power == round(power) else f"^{power:g}"
+    return f"{power:.0f}".translate(SUPERSCRIPT) if power == round(power) else f"^{power:g}"
 
 
 _IN_TEXTS: tuple[Callable[..., str], ...] = (

@@ -26,6 +26,10 @@ MOST_SWEEPS = 8  #: sweeps whose predictive check is drawn, evenly from the smal
 #: Laws drawn as bars; the rest weigh next to nothing.
 MOST_BARS = 12
 POINTS = 120  #: points of a fitted curve between the ends of a sweep
+#: Relative change of the force in the last turn from which a fitted curve is drawn from row to row.
+SETTLED = 0.02
+REACH = 8.0  #: factor about a measured amplitude within which a fitted one is sought
+_MEASURED = ("force", "frequency", "amplitude")
 ROUNDING = 1e-9  #: share of a squared force that rounding may take from the one that holds the resonance
 
 
@@ -105,7 +109,7 @@ def describe_misfit(result: RecordResult) -> str:
     """By how much the leading law misses what its figure shows: rows of sweeps, or resonances."""
     ranking = result.ranking
     if result.data.has_repeats and np.isfinite(ranking.fit.misfit):
-        return f"the measured rows by {words.format_percent(ranking.fit.misfit)} % (root mean square)"
+        return f"the damping of the measured rows by {words.format_percent(ranking.fit.misfit)} % (root mean square)"
     mean = words.format_percent(ranking.weighted()[0].average_absolute_percent)
     return f"the resonant amplitudes by {mean} % on average"
 
@@ -114,9 +118,10 @@ def trace_sweep(law: Force, backbone: Backbone, mass: float, rows: pd.DataFrame)
     """Frequency (Hz) and amplitude of a law's response to the force of a sweep, whose ``rows`` rise in frequency.
 
     M^2 (omega_n^2(A) - omega^2)^2 A^2 + C^2 = F^2 solved for omega, below and above the resonance; omega_n(A) is the
-    measured backbone, so that a folded curve is complete.
+    measured backbone, so that a folded curve is complete. Where the force changes much along the curve (a response
+    held at one amplitude), the curve leads from row to row instead (`_trace_rows`).
     """
-    force, frequency, amplitude = (rows[name].to_numpy(float) for name in ("force", "frequency", "amplitude"))
+    force, frequency, amplitude = (rows[name].to_numpy(float) for name in _MEASURED)
     largest = float(amplitude.max())
     for _ in range(3):  # the resonance moves little from where the largest motion was read
         hertz = backbone.frequency_at(np.array([largest]), 0.9).median
@@ -127,14 +132,31 @@ def trace_sweep(law: Force, backbone: Backbone, mass: float, rows: pd.DataFrame)
     omega_n = RAD_S_PER_HZ * backbone.frequency_at(A, 0.9).median
     A, sides = np.concatenate([A, A[::-1]]), np.repeat([-1.0, 1.0], POINTS)
     omega_n = np.concatenate([omega_n, omega_n[::-1]])
-    omega = omega_n
+    omega, F = omega_n, np.zeros(2 * POINTS)
     for _ in range(3):  # the force of the shaker changes little along the curve
-        F = np.interp(omega / RAD_S_PER_HZ, frequency, force)
+        before, F = F, np.interp(omega / RAD_S_PER_HZ, frequency, force)
         squared = F**2 - law.quadrature(A, omega_n) ** 2  # of the force that detunes; below 0: A is not reached
         omega = np.sqrt(np.maximum(omega_n**2 + sides * np.sqrt(np.maximum(squared, 0.0)) / (mass * A), 0.0))
     f = omega / RAD_S_PER_HZ
     kept = (f >= frequency[0]) & (f <= frequency[-1]) & (squared >= -ROUNDING * F**2)
+    if np.any(np.abs(F - before)[kept] > SETTLED * F[kept]):
+        return frequency, _trace_rows(law, backbone, mass, rows)
     return f[kept], A[kept]
+
+
+def _trace_rows(law: Force, backbone: Backbone, mass: float, rows: pd.DataFrame) -> FloatArray:
+    """Amplitude at the force and frequency of each row by the same balance, of several the nearest; NaN for none."""
+    force, frequency, amplitude = (rows[name].to_numpy(float)[:, np.newaxis] for name in _MEASURED)
+    A = amplitude * np.geomspace(1.0 / REACH, REACH, 4 * POINTS)
+    omega, hertz = RAD_S_PER_HZ * frequency, backbone.frequency_at(A.ravel(), 0.9).median.reshape(A.shape)
+    detuned = mass * ((RAD_S_PER_HZ * hertz) ** 2 - omega**2) * A
+    over = np.log(np.hypot(detuned, law.quadrature(A, omega)) / force)
+    left, right = over[:, :-1], over[:, 1:]
+    at = np.log(A[:, :-1]) + np.log(A[:, 1:] / A[:, :-1]) * left / np.where(left == right, np.inf, left - right)
+    distance = np.where((left <= 0.0) != (right <= 0.0), np.abs(at - np.log(amplitude)), np.inf)
+    nearest = np.argmin(distance, axis=1)[:, np.newaxis]
+    found = np.isfinite(np.take_along_axis(distance, nearest, axis=1))
+    return np.asarray(np.where(found, np.exp(np.take_along_axis(at, nearest, axis=1)), np.nan)[:, 0])
 
 
 def _draw_ranking(result: RecordResult) -> Drawn:

@@ -13,7 +13,7 @@ import pandas as pd
 from scipy.special import ndtri
 
 from damping import report as words
-from damping.arrays import RAD_S_PER_HZ, FloatArray, wrap_lag
+from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray, wrap_lag
 from damping.effects.contract import Drive, Terms
 from damping.effects.terms import complex_stiffness
 from damping.gap.corrected import EffectPosterior, describe_effects, refitted_values
@@ -142,11 +142,13 @@ def gap_figures(diagnosis: Diagnosis) -> dict[str, Drawn]:
 
     leading, units = diagnosis.leading.best, diagnosis.units
     rows = leading.model.problem.rows
-    measured = _tabulate_measured(leading)
+    factor, length = words.choose_length(units.length, rows.A.max())
+    scale = {"amplitude": lambda table: factor * table["amplitude"]}
+    measured = _tabulate_measured(leading).assign(**scale)
     if rows.at_resonance:
-        overlay = gap.gap_resonances(measured, _tabulate_resonance(leading), units.force, units.length)
+        overlay = gap.gap_resonances(measured, _tabulate_resonance(leading).assign(**scale), units.force, length)
     else:
-        overlay = gap.gap_overlay(measured, _tabulate_predicted(leading), units.length)
+        overlay = gap.gap_overlay(measured, _tabulate_predicted(leading).assign(**scale), length)
     figures = {"overlay": overlay}
     residuals = by_quantity(rows, nominal_residuals(leading))
     figures["residuals"] = gap.gap_map(_map(rows, residuals), "residual (sigma)")
@@ -155,8 +157,8 @@ def gap_figures(diagnosis: Diagnosis) -> dict[str, Drawn]:
     if len(diagnosis.hypotheses) > 1:
         figures["probabilities"] = gap.gap_probabilities(tabulate_hypotheses(diagnosis).head(MOST_BARS))
     if diagnosis.local:
-        estimates = pd.DataFrame([vars(estimate) for estimate in diagnosis.local])
-        figures["local"] = gap.gap_local(estimates, _tabulate_local_curves(leading, rows), units.length)
+        estimates = pd.DataFrame([vars(estimate) for estimate in diagnosis.local]).assign(**scale)
+        figures["local"] = gap.gap_local(estimates, _tabulate_local_curves(leading, rows).assign(**scale), length)
     sections = write_sections(Path(__file__).with_name("gap_figures.txt"), {})
     described = {section.id: (section.title, *list_sentences(section.blocks[0])) for section in sections}
     suffix = "-at-resonance" if rows.at_resonance else ""
@@ -202,6 +204,8 @@ def _tabulate_measured(leading: ModelFit) -> pd.DataFrame:
 def _tabulate_predicted(leading: ModelFit) -> pd.DataFrame:
     """Curves of each model through every sweep: ``sweep, frequency, model, amplitude, phase``."""
     dense = _dense(leading.model.problem.rows)
+    ends = np.arange(_POINTS, len(dense), _POINTS) - 1
+    ends = ends[dense.sweep[ends] == dense.sweep[ends + 1]]  # no line leads from one branch of a sweep to the other
     tables = []
 
     def find_terms(fit: ModelFit) -> Terms:  # with each sweep's own deviation
@@ -211,20 +215,30 @@ def _tabulate_predicted(leading: ModelFit) -> pd.DataFrame:
     for name, terms in _list_models(leading, find_terms).items():
         motion = steady(terms, dense, dense.u)
         motions = {"model": name, "amplitude": np.exp(motion.u), "phase": wrap_lag(motion.phase)}
+        for values in (motions["amplitude"], motions["phase"]):
+            values[ends] = np.nan
         tables.append(pd.DataFrame({**_locate(dense), **motions}))
     return pd.concat(tables, ignore_index=True)
 
 
 def _dense(rows: PhasorRows) -> PhasorRows:
-    """Rows on a fine grid of frequencies in every sweep, force and amplitude interpolated."""
+    """Rows on a fine grid of frequencies in every branch of every sweep, force and amplitude interpolated."""
     parts = []
-    for own in rows.runs:
+    for own in (branch for run in rows.runs for branch in _split_branches(rows, run)):
         grid = np.linspace(rows.omega[own[0]], rows.omega[own[-1]], _POINTS)
         nearest = own[np.argmin(np.abs(rows.omega[own][:, np.newaxis] - grid), axis=0)]
         filled = {name: np.interp(grid, rows.omega[own], getattr(rows, name)[own]) for name in ("F", "u", "mass")}
         parts.append((nearest, filled | {"omega": grid}))
     joined = {name: np.concatenate([filled[name] for _, filled in parts]) for name in parts[0][1]}
     return rows.take_rows(np.concatenate([nearest for nearest, _ in parts]), **joined)
+
+
+def _split_branches(rows: PhasorRows, run: IntArray) -> list[IntArray]:
+    """The rows of a sweep; those before and after the resonance apart where they alternate: up and down a fold."""
+    if not rows.has_phase or np.isnan(rows.phase[run]).any():
+        return [run]
+    after = rows.phase[run] > 0.5 * np.pi
+    return [run] if np.sum(after[1:] != after[:-1]) < 3 else [run[~after], run[after]]
 
 
 def _map(rows: PhasorRows, values: dict[str, FloatArray]) -> pd.DataFrame:
