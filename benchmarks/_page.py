@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 
 from benchmarks._rows import Row, seconds
 from benchmarks.cost import Growth
-from damping.plots import ALERT, AVERAGE, WIDTH, plain_log, styled
+from damping.plots import ALERT, AVERAGE, WIDTH, styled
+from damping.plots.scales import plain_log
 
 
 def rows_table(rows: Sequence[Row]) -> pd.DataFrame:

@@ -29,7 +29,7 @@ from damping.ranking.verdict import FEWEST_ROWS, FitVerdict
 from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record
-from damping.records.text import AGREED, Disagreement
+from damping.records.text import AGREED, Disagreement, describe_p
 
 #: Probability from which the diagnosis keeps an explanation, if the library probably holds the cause: as much as a band
 #: of 90 % leaves above it.
@@ -109,7 +109,7 @@ def describe_misfit(fit: FitVerdict, explained: Explained, resonances: int | Non
     No law can represent effects that the simulation already has: if no law fits beside them, that is no conflict.
     ``resonances``: number of resonances behind the p-value of a law that fits; None if it is of all rows.
     """
-    effects, p = " and ".join(explained.leading.effects), f"(p = {fit.p_value:.2g})"
+    effects, p = " and ".join(explained.leading.effects), f"({describe_p(fit.p_value)})"
     beside = f" beside {effects}" if effects else ""
     if fit.verdict == "none fits" and explained.unexplained:
         does = f"more than noise is left{beside}" if effects else "no effect does"
@@ -165,12 +165,12 @@ def describe_disagreement(loads: Loads, explained: Explained) -> tuple[str, ...]
             first = explained.hypotheses[0]
             cause, leading = (" and ".join(each.effects) or "no effect" for each in (explanation, first))
             stays = f"; {leading}, which leads ({first.probability:.2f}), stays within the band"
-            ranked = f"{band.median[at]:.4g} {units.length}".rstrip()
+            ranked = f"{band.median[at]:.3g} {units.length}".rstrip()
             return (
                 f"ranking and diagnosis disagree at the {units.drive} {loads.force[at]:.4g} {units.force}".rstrip()
-                + f": the ranked laws predict {ranked} ({band.low[at]:.4g} to {band.high[at]:.4g}), the simulation"
+                + f": the ranked laws predict {ranked} ({band.low[at]:.3g} to {band.high[at]:.3g}), the simulation"
                 f" corrected by {cause}, which the diagnosis does not exclude (probability"
-                f" {explanation.probability:.2f}), {amplitude[at]:.4g} {units.length}".rstrip()
+                f" {explanation.probability:.2f}), {amplitude[at]:.3g} {units.length}".rstrip()
                 + ("" if explanation is first else stays),
             )
     return ()

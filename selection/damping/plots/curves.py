@@ -121,7 +121,7 @@ def _build_measured_mark(n: int) -> Artist:
 
 
 MOST_NAMED = 6  #: sweeps named beside their curves; more hide them
-LETTER_WIDTH = 0.014  #: width of a letter of a name beside a tested point, as a share of the axes
+LETTER_WIDTH = 0.014  #: width of a letter of a name beside a point, as a share of the axes
 NAME_HEIGHT = 0.05  #: height of such a name, as a share of the axes
 
 
@@ -141,15 +141,13 @@ def fitted_sweeps(
     x_label = "frequency (Hz)" if force_unit is None else describe_with_unit("force at resonance", force_unit)
     y_label = describe_with_unit("amplitude" if force_unit is None else "resonant amplitude", unit)
     figure, axes = build_panel(3.7, x_label, y_label)
+    axes.margins(x=0.1, y=0.1)
     for _, line in fitted.groupby("sweep", sort=False):
         axes.plot(line["x"], line["y"], color=law_style(law).colour, linewidth=1.3)
     axes.plot(measured["x"], measured["y"], "o", color=look.MEASURED, markersize=3.6, mec="white", mew=0.3, zorder=3)
     sweeps = measured.groupby("sweep", sort=False)
     if sweeps.ngroups <= MOST_NAMED:
-        tops = measured.loc[sweeps["y"].idxmax()]
-        for label, x, y in zip(distinguish(tops["sweep"]), tops["x"], tops["y"], strict=True):
-            axes.annotate(label, (x, y), (5, 2), textcoords="offset points", fontsize=7.5)
-    axes.margins(x=0.1, y=0.1)
+        _name_points(axes, measured.loc[sweeps["y"].idxmax(), ["sweep", "x", "y"]], (5, 2))
     measured_label = f"measured ({count(sweeps.ngroups, 'sweep')}, n = {len(measured)})"
     marks = [
         Line2D([], [], marker="o", color=look.MEASURED, linestyle="", label=measured_label),
@@ -245,16 +243,21 @@ def _draw_loads(axes: Axes, band: pd.DataFrame, tested: pd.DataFrame, design: pd
     values = [band["linear"].max(), tested["amplitude"].max(), 1.2 * design["median"].max()]
     axes.set_ylim(0.0, 1.12 * np.nanmax([*values, np.nanmin([band["high"].max(), 1.6 * np.nanmax(values)])]))
     if len(tested) <= MOST_NAMED:
-        _name_tested(axes, tested)
+        _name_points(axes, tested[["sweep", "force", "amplitude"]], (5, -9))
 
 
-def _name_tested(axes: Axes, tested: pd.DataFrame) -> None:
-    """Name the tested points from the largest force down, but for names that would lie on another or on the axis."""
-    rows = zip(distinguish(tested["sweep"]), tested["force"], tested["amplitude"], strict=True)
-    right, top = np.inf, np.inf  # of the name before
-    for label, f, amplitude in sorted(rows, key=itemgetter(1), reverse=True):
-        x, y = axes.transLimits.transform((f, amplitude))
-        beside = x + LETTER_WIDTH * (len(label) + 1) < right or y + NAME_HEIGHT < top
-        if beside and y > NAME_HEIGHT:
-            axes.annotate(label, (f, amplitude), (5, -9), textcoords="offset points", fontsize=7.5)
-            right, top = x, y
+def _name_points(axes: Axes, points: pd.DataFrame, offset: tuple[int, int]) -> None:
+    """Name points ``sweep, x, y`` from the highest down, but for names that would lie on another or on the axis.
+
+    ``offset``: of a name from its point, points.
+    """
+    axes.autoscale_view()
+    named: list[tuple[float, float, float]] = []  # left, right and height of the names before
+    rows = zip(distinguish(points["sweep"]), *(points[name] for name in points.columns[1:]), strict=True)
+    for label, x, y in sorted(rows, key=itemgetter(2), reverse=True):
+        left, height = axes.transLimits.transform((x, y))
+        right = left + LETTER_WIDTH * (len(label) + 1)
+        free = all(right < a or left > b or height + NAME_HEIGHT < own for a, b, own in named)
+        if free and (offset[1] > 0 or height > NAME_HEIGHT):
+            axes.annotate(label, (x, y), offset, textcoords="offset points", fontsize=7.5)
+            named.append((left, right, height))

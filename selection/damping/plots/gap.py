@@ -10,7 +10,7 @@ from matplotlib.colors import SymLogNorm
 from matplotlib.figure import Figure
 
 from damping import plots as look
-from damping.plots import build_panel, build_panels, describe_with_unit, draw_plain_rows, styled
+from damping.plots import build_panel, build_panels, describe_with_unit, distinguish, draw_plain_rows, styled
 from damping.plots.given import count_rows, name_rows
 from damping.plots.scales import plain_log
 from damping.records.text import format_share
@@ -39,7 +39,7 @@ def gap_map(rows: pd.DataFrame, label: str) -> Figure:
         ax.set_title(quantity)
         ax.set_xlabel("frequency (Hz)")
         ax.locator_params(axis="x", nbins=max(_MOST_STEPS // len(quantities), 1))
-        draw_plain_rows(ax, [f"sweep {sweep}" for sweep in sweeps])
+        draw_plain_rows(ax, [f"sweep {name}" for name in distinguish(sweeps)])
     bar = figure.colorbar(drawn, ax=list(axes), label=label, shrink=0.9, format="%g")
     bar.set_ticks([tick for tick in _TICKS if abs(tick) <= reach])
     bar.outline.set_visible(False)
@@ -55,13 +55,14 @@ MODELS = {
     "explained": (look.ALERT, "-", "with the explanation"),
 }
 _PER_ROW = 2  #: sweeps beside one another
-_LETTERS_UP = 20  #: letters beside a panel of amplitudes
+_LETTERS_UP = 20  #: letters beside or above a panel of amplitudes
 
 
 def _draw_models(ax: Axes, curves: pd.DataFrame, x: str, y: str) -> None:
     for model, (colour, line, name) in MODELS.items():
         rows = curves[curves["model"] == model]
-        ax.plot(rows[x], rows[y], color=colour, linestyle=line, label=name)
+        if len(rows):
+            ax.plot(rows[x], rows[y], color=colour, linestyle=line, label=name)
 
 
 @styled
@@ -82,13 +83,13 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str) ->
     figure, axes = build_panels(height * bands + 0.5, *grid, squeeze=False, height_ratios=ratios * bands)
     for ax in axes.flat:
         ax.set_visible(False)
-    for number, sweep in enumerate(sweeps):
+    for number, (sweep, name) in enumerate(zip(sweeps, distinguish(sweeps, _LETTERS_UP), strict=True)):
         band, column = divmod(number, _PER_ROW)
         points, curves = measured[measured["sweep"] == sweep], predicted[predicted["sweep"] == sweep]
         panels = axes[band * kinds : (band + 1) * kinds, column]
         for ax, quantity in zip(panels, quantities, strict=True):
             _draw_panel(ax, points, curves, quantity)
-        panels[0].set_title(f"sweep {sweep}")
+        panels[0].set_title(f"sweep {name}")
         if column == 0:
             panels[0].set_ylabel("\n".join(wrap(describe_with_unit("amplitude", length), _LETTERS_UP)))
         if with_phase:
@@ -131,24 +132,29 @@ def gap_local(estimates: pd.DataFrame, curves: pd.DataFrame, length: str) -> Fig
     """
     figure, axes = build_panels(5.0, 2)
     estimates, curves = (
-        own.assign(**{name: 100.0 * own[name] for name in own if str(name).startswith("damping")})
+        own.assign(**{name: 100.0 * own[name] for name in map(str, own) if name.startswith("damping")})
         for own in (estimates, curves)
     )
+    sweeps = list(estimates["sweep"].unique())
+    named = [f"sweep {name}" for name in distinguish(sweeps, _LETTERS_UP)]
+    many = len(sweeps) > len(_MARKS)  # more marks than the eye keeps apart
+    marks, names = (["o"] * len(sweeps), ["sweeps", *["_"] * (len(sweeps) - 1)]) if many else (_MARKS, named)
     for ax, quantity, label in zip(
         axes, ("frequency", "damping"), ("frequency (Hz)", "damping ratio (%)"), strict=True
     ):
         for model, name in (("refitted", "simulation, refitted"), ("explained", "with the explanation")):
             rows = curves[curves["model"] == model]
-            ax.plot(rows["amplitude"], rows[quantity], color=MODELS[model][0], label=name)
+            if len(rows):
+                ax.plot(rows["amplitude"], rows[quantity], color=MODELS[model][0], label=name)
         free = curves[curves["model"] == "free"]
         if len(free):
             low, high = free[f"{quantity}_low"], free[f"{quantity}_high"]
             style: dict[str, Any] = {"color": look.ALERT, "alpha": 0.15, "linewidth": 0.0}
             ax.fill_between(free["amplitude"], low, high, **style, label="free-form curve, 90 % credible band")
-        for number, (sweep, rows) in enumerate(estimates.groupby("sweep", sort=False)):
+        for (_, rows), mark, name in zip(estimates.groupby("sweep", sort=False), marks, names, strict=False):
             ax.errorbar(
-                rows["amplitude"], rows[quantity], rows[f"{quantity}_sd"], fmt=_MARKS[number % len(_MARKS)],
-                markersize=3, linewidth=0.8, color=look.MEASURED, markerfacecolor="white", label=f"sweep {sweep}",
+                rows["amplitude"], rows[quantity], rows[f"{quantity}_sd"], fmt=mark,
+                markersize=3, linewidth=0.8, color=look.MEASURED, markerfacecolor="white", label=name,
             )  # fmt: skip
         if estimates["amplitude"].max() > _WIDE * estimates["amplitude"].min():
             ax.set_xscale("log")

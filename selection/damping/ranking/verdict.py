@@ -25,6 +25,7 @@ from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN
 from damping.infer.likelihood import residuals
 from damping.infer.observations import Observations
 from damping.ranking.candidates import NOISE_RANGE
+from damping.records.text import describe_p
 
 Verdict = Literal["fits", "poor", "none fits"]
 #: What the sentence of a verdict says where no law fits, and where the leading one does not.
@@ -75,7 +76,7 @@ class FitVerdict:
     @property
     def sentence(self) -> str:
         """The verdict in words; empty where the law fits, no level lies apart and the stated noise is not exceeded."""
-        by = f"misses the measured rows by {self.misfit:.2g} % (root mean square), p = {self.p_value:.2g}"
+        by = f"misses the measured rows by {self.misfit:.2g} % (root mean square), {describe_p(self.p_value)}"
         none, poorly = MISFITS
         verdicts = {
             "fits": "",

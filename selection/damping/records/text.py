@@ -142,6 +142,11 @@ SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")  #:
 NOTHING = "–"  #: sign for a missing number
 
 
+def describe_p(p: float) -> str:
+    """A p-value to two digits: ``p = 0.024``; smaller than any model is exact to, ``p < 0.0001``."""
+    return f"p = {p:.2g}" if p >= 1e-4 else "p < 0.0001"
+
+
 def format_share(value: SupportsFloat) -> str:
     """A probability with two decimals, three where small; ``< 0.001``, which no line breaks, for less than that."""
     x = float(value)

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 
 _MOST_CELLS = 12  #: cells of a table
 _POINTS = 160  #: points of a curve between the ends of a sweep
+_FOLDED = 3  #: crossings of the resonance, along the rows of a sweep up and down, from which they are two branches
 
 
 def render_gap_page(
@@ -54,6 +55,7 @@ def render_gap_page(
     values = {
         **vars(diagnosis),
         "first": first,
+        "effects": model.parts,
         "disputed": against.on_loads,
         "cautions": cautions,
         "sentences": describe_diagnosis(diagnosis),
@@ -137,7 +139,7 @@ def _tabulate_folds(folds: Sequence[HeldOutFold]) -> pd.DataFrame:
 
 
 def gap_figures(diagnosis: Diagnosis) -> dict[str, Drawn]:
-    """Figures by name; the footprint only where there is an explanation, local estimates only with phases."""
+    """Figures by name; maps over frequency only of sweeps, the footprint only where there is an explanation."""
     from damping.plots import Drawn, gap  # noqa: PLC0415 - matplotlib, which the sentences do not need
 
     leading, units = diagnosis.leading.best, diagnosis.units
@@ -150,9 +152,10 @@ def gap_figures(diagnosis: Diagnosis) -> dict[str, Drawn]:
     else:
         overlay = gap.gap_overlay(measured, _tabulate_predicted(leading).assign(**scale), length)
     figures = {"overlay": overlay}
-    residuals = by_quantity(rows, nominal_residuals(leading))
-    figures["residuals"] = gap.gap_map(_map(rows, residuals), "residual (sigma)")
-    if leading.model.parts:
+    if not rows.at_resonance:  # of resonances alone the tables say more
+        residuals = by_quantity(rows, nominal_residuals(leading))
+        figures["residuals"] = gap.gap_map(_map(rows, residuals), "residual (sigma)")
+    if leading.model.parts and not rows.at_resonance:
         figures["footprint"] = gap.gap_map(_map(rows, footprint(leading)), "change (sigma)")
     if len(diagnosis.hypotheses) > 1:
         figures["probabilities"] = gap.gap_probabilities(tabulate_hypotheses(diagnosis).head(MOST_BARS))
@@ -166,10 +169,11 @@ def gap_figures(diagnosis: Diagnosis) -> dict[str, Drawn]:
 
 
 def _list_models(leading: ModelFit, terms_of: Callable[[ModelFit], Terms]) -> dict[str, Terms]:
-    """The simulation as given, refitted, and with the explanation."""
+    """The simulation as given, refitted, and with the explanation where there is one."""
     nominal = Model(leading.model.problem, (), leading.model.scatter)
     given = nominal.terms(np.zeros((1, nominal.size)))
-    return {"nominal": given, "refitted": terms_of(refitted(leading)), "explained": terms_of(leading)}
+    models = {"nominal": given, "refitted": terms_of(refitted(leading))}
+    return models | ({"explained": terms_of(leading)} if leading.model.parts else {})
 
 
 def _tabulate_resonance(leading: ModelFit) -> pd.DataFrame:
@@ -214,10 +218,9 @@ def _tabulate_predicted(leading: ModelFit) -> pd.DataFrame:
 
     for name, terms in _list_models(leading, find_terms).items():
         motion = steady(terms, dense, dense.u)
-        motions = {"model": name, "amplitude": np.exp(motion.u), "phase": wrap_lag(motion.phase)}
-        for values in (motions["amplitude"], motions["phase"]):
-            values[ends] = np.nan
-        tables.append(pd.DataFrame({**_locate(dense), **motions}))
+        motions = {"amplitude": np.exp(motion.u), "phase": wrap_lag(motion.phase)}
+        tables.append(pd.DataFrame({**_locate(dense), "model": name, **motions}))
+        tables[-1].loc[ends, list(motions)] = np.nan
     return pd.concat(tables, ignore_index=True)
 
 
@@ -234,11 +237,12 @@ def _dense(rows: PhasorRows) -> PhasorRows:
 
 
 def _split_branches(rows: PhasorRows, run: IntArray) -> list[IntArray]:
-    """The rows of a sweep; those before and after the resonance apart where they alternate: up and down a fold."""
-    if not rows.has_phase or np.isnan(rows.phase[run]).any():
+    """The rows of a sweep, in two parts where those on either side of its widest gap of phase alternate: a fold."""
+    if not rows.has_phase or len(run) < 2 or np.isnan(rows.phase[run]).any():
         return [run]
-    after = rows.phase[run] > 0.5 * np.pi
-    return [run] if np.sum(after[1:] != after[:-1]) < 3 else [run[~after], run[after]]
+    ordered = np.sort(rows.phase[run])
+    after = rows.phase[run] > ordered[np.argmax(np.diff(ordered))]
+    return [run] if np.sum(after[1:] != after[:-1]) < _FOLDED else [run[~after], run[after]]
 
 
 def _map(rows: PhasorRows, values: dict[str, FloatArray]) -> pd.DataFrame:
@@ -250,7 +254,7 @@ def _tabulate_local_curves(leading: ModelFit, rows: PhasorRows) -> pd.DataFrame:
     """Natural frequency and damping ratio of the first plane over amplitude, at resonance."""
     A = np.geomspace(rows.A.min(), rows.A.max(), 80)
     tables = []
-    for name, fit in (("refitted", refitted(leading)), ("explained", leading)):
+    for name, fit in (("refitted", refitted(leading)), ("explained", leading))[: 1 + bool(leading.model.parts)]:
         frequency, damping = _trace_local(fit, A)
         tables.append(pd.DataFrame({"model": name, "amplitude": A, "frequency": frequency, "damping": damping}))
     if not rows.at_resonance:
