@@ -18,6 +18,8 @@ from matplotlib.transforms import Bbox
 from damping.plots import distinguish
 from damping.plots.curves import damping_curve, design_loads, fitted_sweeps
 from damping.plots.fits import corner, predictive_check, ranking, sweeps
+from damping.plots.gap import gap_local, gap_map, gap_overlay
+from damping.plots.scales import plain_log
 
 #: Pixels that boxes may share: a glyph is a little smaller than its box.
 TOUCHING = 2.0
@@ -153,6 +155,67 @@ def test_corner_of_a_posterior(shapes):
     draws = np.random.default_rng(0).normal(0.00478, 0.000125, (len(labels), 4000))
     values = dict(zip(labels, draws, strict=True))
     check(corner(values, values))
+
+
+UNIT = "% of tank width x (frequency ratio)^2·sloshing periods/% of tank width³"
+
+
+@pytest.mark.parametrize("size", [1, 4, 8])
+def test_corner_of_long_names_and_units_and_of_any_size_of_value(size):
+    names = [f"quadratic-displacement ({UNIT})", f"slip ({UNIT})", "velocity-squared (N·s²/m²)", "slip limit (m)"]
+    doubts = ["discrepancy of the local exponent", "scatter of a row", "scatter of a level", "viscous (N·s/m)"]
+    draws = np.random.default_rng(0).normal(1.0, 0.05, (8, 4000))
+    scales = (2.4e-4, 15200.0, 4.6e8, 1.55e-4, 0.009, 0.024, 0.019, 3e-9)
+    values = dict(zip([*names, *doubts][:size], draws[:size] * np.array(scales[:size])[:, np.newaxis], strict=True))
+    check(corner(values, values))
+
+
+@pytest.mark.parametrize("number", [1, 6, 36])
+def test_gap_figures_of_sweeps_with_long_names(number):
+    names = [NAME.format(i) for i in range(number)]
+    frequency = np.linspace(41.0, 43.0, 9)
+    measured = pd.concat(
+        pd.DataFrame({"sweep": name, "frequency": frequency, "amplitude": 0.02, "phase": 1.0, "wild": False})
+        for name in names
+    )
+    predicted = pd.concat(measured.assign(model=model) for model in ("nominal", "refitted", "explained"))
+    if number <= 6:  # 72 panels take long
+        check(gap_overlay(measured, predicted, "% of tank width"))
+    check(gap_map(measured.assign(quantity="amplitude", value=3.0), "residual (sigma)"))
+    A = np.geomspace(0.01, 0.1, number)
+    local = pd.DataFrame({"sweep": names, "amplitude": A, "frequency": 42.0, "damping": 0.01 + A})
+    curves = pd.concat(local.assign(model=model) for model in ("refitted", "explained"))
+    figure = gap_local(local.assign(frequency_sd=0.1, damping_sd=1e-3), curves, "% of tank width")
+    check(figure)
+    # the panels keep the figure, whatever the number of sweeps
+    assert all(axes.get_position().height > 0.2 for axes in figure.axes)
+
+
+@pytest.mark.parametrize("high", [1.2, 3.0, 12.0, 40.0, 900.0, 1e6])
+@pytest.mark.parametrize("low", [0.011, 1.0, 70.0])
+def test_a_logarithmic_axis_has_marks_that_show_its_scale(low, high):
+    figure = Figure(figsize=(2.0, 2.0))
+    axes = figure.add_subplot()
+    axes.set_xscale("log")
+    axes.set_xlim(low, low * high)
+    plain_log(axes.xaxis)
+    marks = axes.xaxis.get_majorticklocs()
+    assert 2 <= np.sum((marks >= low) & (marks <= low * high)) <= 7
+
+
+def test_a_law_of_long_name_is_named_whole_beside_its_curve():
+    table = record(9)
+    figure = fitted_sweeps(table, table, LAWS[0], "mm")
+    assert LAWS[0] in " ".join(figure.legends[0].get_texts()[1].get_text().split())
+
+
+def test_names_of_crossing_sweeps_do_not_lie_on_one_another():
+    table = pd.DataFrame(
+        {"sweep": ["L1", "L2", "L3", "L3"], "x": [20.0, 20.01, 20.0, 21.0], "y": [0.003, 0.0031, 0.06, 0.01]}
+    )
+    figure = fitted_sweeps(table, table, "viscous", "m")
+    check(figure)
+    assert {name.get_text() for name in figure.axes[0].texts} == {"L2", "L3"}
 
 
 def test_labels_keep_what_tells_them_apart():

@@ -21,6 +21,7 @@ from damping.records.resonance import tabulate_resonances
 from damping.report import (
     count,
     format_between,
+    format_force_text,
     format_gravity,
     format_joined,
     format_length,
@@ -300,6 +301,12 @@ def test_numbers_as_people_write_them() -> None:
     assert format_joined(["a", "b", "c"]) == "a, b and c"
     assert format_joined(["a, b", "c", "d"]) == "a, b; c and d"
     assert [count(n, "sweep") for n in (1, 3)] == ["1 sweep", "3 sweeps"]
+
+
+def test_sizes_far_from_one_in_words() -> None:
+    assert [number(x) for x in (583127.0, 99999.9, 12345.0)] == ["583000", "100000", "12300"]
+    assert [format_force_text(x, "N") for x in (8e-9, 1e7, 90.0)] == ["8×10⁻⁹ N", "1×10⁷ N", "90 N"]
+    assert [format_length(x, "m") for x in (2.5e-9, 2.5e-6, 2.5e-3)] == ["2.50 nm", "2.50 µm", "2.50 mm"]
 
 
 def test_posterior_files_hold_the_damping_ratio(peaks: RecordResult) -> None:

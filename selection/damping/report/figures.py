@@ -148,7 +148,8 @@ def _trace_rows(law: Force, backbone: Backbone, mass: float, rows: pd.DataFrame)
     """Amplitude at the force and frequency of each row by the same balance, of several the nearest; NaN for none."""
     force, frequency, amplitude = (rows[name].to_numpy(float)[:, np.newaxis] for name in _MEASURED)
     A = amplitude * np.geomspace(1.0 / REACH, REACH, 4 * POINTS)
-    omega, hertz = RAD_S_PER_HZ * frequency, backbone.frequency_at(A.ravel(), 0.9).median.reshape(A.shape)
+    omega, over_all = RAD_S_PER_HZ * frequency, np.geomspace(A.min(), A.max(), POINTS)
+    hertz = np.interp(np.log(A), np.log(over_all), backbone.frequency_at(over_all, 0.9).median)
     detuned = mass * ((RAD_S_PER_HZ * hertz) ** 2 - omega**2) * A
     over = np.log(np.hypot(detuned, law.quadrature(A, omega)) / force)
     left, right = over[:, :-1], over[:, 1:]
