@@ -16,7 +16,7 @@ from damping.infer.discrepancy import JointEvidence
 from damping.infer.observations import observe
 from damping.ranking.verdict import FitVerdict
 from damping.records.resonance import find_resonance
-from damping.records.text import AGREED, Disagreement
+from damping.records.text import AGREED, Disagreement, describe_p
 from damping.report.gap_page import render_gap_page
 from damping.report.page import Footer
 from damping_reed1970 import data_folder
@@ -193,7 +193,7 @@ def test_no_conflict_over_two_planes_but_no_law_fits(two_planes):
     assert loads.against == AGREED
     assert loads.to_json()["cautions"][0].startswith("no law fits")
     assert loads.to_json()["predictions"][0]["cautions"][0].startswith("no law fits")
-    assert f"p = {dp.rank(two_planes[0]).ranking.fit.p_value:.2g}" in loads.headlines[0]
+    assert describe_p(dp.rank(two_planes[0]).ranking.fit.p_value) in loads.headlines[0]
 
 
 def test_a_curve_says_where_the_diagnosis_disagrees(disagreeing):

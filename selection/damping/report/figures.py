@@ -109,7 +109,7 @@ def describe_misfit(result: RecordResult) -> str:
     """By how much the leading law misses what its figure shows: rows of sweeps, or resonances."""
     ranking = result.ranking
     if result.data.has_repeats and np.isfinite(ranking.fit.misfit):
-        return f"the damping of the measured rows by {words.format_percent(ranking.fit.misfit)} % (root mean square)"
+        return f"the measured rows by {words.format_percent(ranking.fit.misfit)} % (root mean square)"
     mean = words.format_percent(ranking.weighted()[0].average_absolute_percent)
     return f"the resonant amplitudes by {mean} % on average"
 
