@@ -10,6 +10,7 @@ from matplotlib.figure import Figure as Drawing
 
 from damping.plots import ALERT, INK, MUTED, TEXT_WIDTH, build_panels, draw_plain_rows, styled, to_png, to_svg
 from damping.records.record import record_to_csv
+from damping.report import format_joined
 from damping.report.page import Block, FigureBlock, Footer, Table, render_page, write_sections
 from damping_pipelines import shipped_folder
 from damping_validation.scorer import DETECTABLE, Figure, Goal, Verdict
@@ -45,12 +46,15 @@ def render_scores(figures: Sequence[Figure], cases: Sequence[Verdict], seed: int
     }
     drawn = {
         "table": (draw_table(figures), "Goals and measured values with 95 % intervals"),
-        "confusion": (draw_confusion(matrix), "True effect (rows) against answer (columns), cases"),
+        "confusion": (
+            draw_confusion(matrix),
+            "True effect (rows) against answer (columns), cases",
+        ),
     }
     parts: dict[str, Block] = {
         "rows": Table(tabulate_blind_rows(table)),
         "kinds": Table(kinds, key="kinds"),
-        "counts": Table(counts),
+        "counts": Table(list_answers(matrix), key="confusion"),
     }
     for name, (drawing, title) in drawn.items():
         svg = to_svg(drawing, f"blind-{name}", title, title)
@@ -104,6 +108,13 @@ def tabulate_confusion(cases: Sequence[Verdict]) -> pd.DataFrame:
     counts = pd.crosstab(pd.Series([case.kind for case in some]), pd.Series(answers))
     columns = [NONE, *singles, *named, *_OTHER_ANSWERS[1:]]
     return counts.reindex(index=kinds, columns=columns, fill_value=0).rename_axis(index="truth", columns=None)
+
+
+def list_answers(matrix: pd.DataFrame) -> pd.DataFrame:
+    """The answers to each truth with their numbers, most frequent first (a table of all counts holds zeros)."""
+    given = [row[row > 0].sort_values(ascending=False, kind="stable") for _, row in matrix.iterrows()]
+    answers = [format_joined(f"{n} {name}" for name, n in row.items()) for row in given]
+    return pd.DataFrame({"truth": matrix.index, "answers": answers})
 
 
 def _answer(case: Verdict) -> str:
@@ -165,13 +176,14 @@ def draw_table(figures: Sequence[Figure]) -> Drawing:
         if figure.low is not None and figure.high is not None:
             axes.plot([100 * figure.low, 100 * figure.high], [row, row], color=colour, linewidth=1.2)
         axes.plot(100 * figure.measured, row, "o", color=colour, markersize=4)
-    axes.set(xlim=(-1, 101), xlabel="per cent, with 95 % interval; green: goal; in parentheses: cases")
+    axes.set(xlim=(-1, 101), xlabel="per cent, with 95 % interval; green: goal, orange: missed; in parentheses: cases")
     return drawing
 
 
 @styled
 def draw_confusion(matrix: pd.DataFrame) -> Drawing:
-    """Counts on a grid, shaded by their share of the row."""
+    """Counts on a grid, shaded by their share of the row; answers that no case got are left out."""
+    matrix = matrix.loc[:, matrix.any()]
     counts = matrix.to_numpy(float)
     share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
     drawing, axes = build_panels(1.9 + 0.22 * len(matrix), 1, width=1.35 * TEXT_WIDTH)

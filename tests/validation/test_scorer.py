@@ -29,6 +29,7 @@ from damping_validation.scorer_output import (
     SCORES,
     describe_goal_text,
     describe_verdict,
+    list_answers,
     render_scores,
     tabulate_confusion,
     tabulate_kinds,
@@ -282,6 +283,8 @@ def test_confusion_counts_every_case_once():
     assert matrix.loc["iwan", "flagged"] == 1
     assert matrix.loc["pair:two-forces", "both of the pair"] == 1
     assert matrix.loc["pair:two-forces", "no answer"] == 1
+    answers = ["1 none", "1 slip and 1 phase-lag", "1 both of the pair and 1 no answer", "1 flagged"]
+    assert list(list_answers(matrix)["answers"]) == answers
 
 
 def test_goals_read_as_they_are_meant():

@@ -178,7 +178,7 @@ def mode_over_level(table: pd.DataFrame, label: str) -> Figure:
     for axes, values in ((upper, 100.0 * ratio), (lower, frequency)):
         axes.plot(level[tested], values[tested], "o", color=look.MEASURED, label="tested")
         axes.plot(level[~tested], values[~tested], "o", mfc="white", color=look.MEASURED, label="design")
-        axes.set_xlabel(label)
+    lower.set_xlabel(label)
     upper.set_ylabel("damping ratio (%)")
     lower.set_ylabel("frequency (Hz)")
     bands, marks = (axes.get_legend_handles_labels() for axes in (upper, lower))
