@@ -227,7 +227,7 @@ def _tabulate_predicted(leading: ModelFit) -> pd.DataFrame:
 def _dense(rows: PhasorRows) -> PhasorRows:
     """Rows on a fine grid of frequencies in every branch of every sweep, force and amplitude interpolated."""
     parts = []
-    for own in (branch for run in rows.runs for branch in _split_branches(rows, run)):
+    for own in (branch for run in rows.runs for branch in split_branches(rows, run)):
         grid = np.linspace(rows.omega[own[0]], rows.omega[own[-1]], _POINTS)
         nearest = own[np.argmin(np.abs(rows.omega[own][:, np.newaxis] - grid), axis=0)]
         filled = {name: np.interp(grid, rows.omega[own], getattr(rows, name)[own]) for name in ("F", "u", "mass")}
@@ -236,7 +236,7 @@ def _dense(rows: PhasorRows) -> PhasorRows:
     return rows.take_rows(np.concatenate([nearest for nearest, _ in parts]), **joined)
 
 
-def _split_branches(rows: PhasorRows, run: IntArray) -> list[IntArray]:
+def split_branches(rows: PhasorRows, run: IntArray) -> list[IntArray]:
     """The rows of a sweep, in two parts where those on either side of its widest gap of phase alternate: a fold."""
     if not rows.has_phase or len(run) < 2 or np.isnan(rows.phase[run]).any():
         return [run]
