@@ -293,7 +293,7 @@ def sweep(
     check_flags(structure=structure)
     levels, hertz = read_floats(force), read_floats(frequency)
     if levels is None or hertz is None:
-        raise InputError("force or frequency is no number", expected="numbers, or lists of them")
+        raise InputError("force or frequency is no number", expected="numbers, or lists of them, none masked")
     kept = list_lasting(mode.effects, of_rig=not structure)
     swept = simulate_sweeps(replace(mode, effects=kept), levels.tolist(), hertz, direction, method, watch(progress))
     left_out = tuple(name for name in mode.effects if name not in kept)

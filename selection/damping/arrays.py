@@ -91,7 +91,9 @@ def wrap_lag(phase: FloatArray, least: float = -0.5 * pi) -> FloatArray:
 
 
 def read_floats(values: object) -> FloatArray | None:
-    """A number, or an array or list of numbers, as an array of one axis or more; None if anything is no number."""
+    """A number, an array or a list of numbers as an array with axes; None if anything is no number or is masked."""
+    if np.ma.is_masked(values):
+        return None
     try:
         array = np.atleast_1d(np.asarray(values))
     except ValueError:  # lists of unlike lengths

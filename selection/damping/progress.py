@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import wraps
+from inspect import signature
 from typing import ParamSpec, Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
@@ -49,9 +50,11 @@ def unknown_length(progress: Progress, title: str, usual: int) -> Iterator[Calla
 
 
 def watch(progress: object) -> Progress:
-    """A user's ``progress``, checked; InputError if it is not callable, or when it does not return a context."""
+    """A user's ``progress``, checked; InputError if it cannot be called so, or when it does not return a context."""
     if not callable(progress):
         raise InputError(f"progress is of type {type(progress).__name__}", expected=_EXPECTED)
+    if not _takes(progress, "", 1):
+        raise InputError("progress does not take a title and a number of parts", expected=_EXPECTED)
 
     @contextmanager
     def opened(title: str, total: int) -> Iterator[Advance]:
@@ -61,9 +64,24 @@ def watch(progress: object) -> Progress:
         with context as advance:
             if not callable(advance):
                 raise InputError(f"progress yields {advance!r}", expected=_EXPECTED)
+            if not (_takes(advance, "") and _takes(advance, "", 1)):
+                raise InputError("what progress yields does not take (what, parts=1)", expected=_EXPECTED)
             yield advance
 
     return opened
+
+
+def _takes(function: Callable[..., object], *arguments: object) -> bool:
+    """Whether a function can be called with these arguments; built-in ones, whose signature is unknown, pass."""
+    try:
+        known = signature(function)
+    except (TypeError, ValueError):
+        return True
+    try:
+        known.bind(*arguments)
+    except TypeError:
+        return False
+    return True
 
 
 #: What messages expect of a ``progress``.

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 import damping as dp
 from damping.answers import CurveResult, LoadsResult
 from damping.extrapolation.requested import check_loads, list_asked
+from damping.gap.simulation import Simulator
 from damping.plots.curves import damping_curve
 from damping.plots.fits import ranking, sweeps
 from damping_reed1970 import data_folder
@@ -279,3 +280,30 @@ def test_a_raw_table_is_checked_like_a_file():
     )
     with pytest.raises(dp.InputError, match="no data rows"):
         dp.condition(raw.iloc[:0], config)
+
+
+@pytest.mark.parametrize("of", ["force", "frequency", "scalar"])
+def test_what_a_mask_hides_is_no_argument(of):
+    """The values under the mask were swept without a word."""
+    forces, hertz = np.ma.array([1.0, 2.0]), np.ma.array([24.0, 25.0, 26.0])
+    assert set(dp.sweep(MODE, force=forces, frequency=hertz).table["force"]) == {1.0, 2.0}  # nothing is masked
+    {"force": forces, "frequency": hertz}.get(of, forces)[1] = np.ma.masked
+    with pytest.raises(dp.InputError, match="expected numbers, or lists of them, none masked"):
+        dp.sweep(MODE, force=np.ma.array(1.0, mask=True) if of == "scalar" else forces, frequency=hertz)
+
+
+@pytest.mark.parametrize("kind", [float, int])
+def test_what_a_simulator_masks_is_no_answer(kind):
+    simulator = Simulator(lambda force, frequency: (np.ma.array([3, 3], kind, mask=[False, True]), force), {}, {}, MODE)
+    with pytest.raises(dp.InputError, match="the amplitude that the simulator returns is nan at force 2"):
+        simulator.answer(np.array([1.0, 2.0]), np.array([24.0, 25.0]), {})
+
+
+def test_a_time_of_day_is_told_what_is_expected(tmp_path):
+    stamped = TABLE.assign(time=[f"10:00:{k:02d}.000" for k in range(5)])
+    stamped.to_csv(file := tmp_path / "record.csv", index=False)
+    for read in (lambda: dp.Record(stamped), lambda: dp.read_record(file)):
+        with pytest.raises(
+            dp.InputError, match=r"'10:00:00.000' .*; expected a finite number: s since any moment, not"
+        ):
+            read()

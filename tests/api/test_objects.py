@@ -177,6 +177,10 @@ def test_checks_to_pass_over_are_a_list(record, despite):
         (3, "progress is of type int"),
         (lambda title, total: None, "progress returned None"),
         (lambda title, total: nullcontext(), "progress yields None"),
+        (lambda: None, "progress does not take a title"),
+        (lambda title: None, "progress does not take a title"),
+        (lambda title, total: nullcontext(lambda: None), "what progress yields does not take"),
+        (lambda title, total: nullcontext(lambda what: None), "what progress yields does not take"),
     ],
 )
 def test_what_shows_progress_is_checked_before_any_law(record, mode, monkeypatch, progress, said):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -562,12 +563,15 @@ def test_what_loads_the_structure_in_the_test_alone_is_told_beside_a_wrong_frequ
     assert describe_rig(replace(fit, model=replace(fit.model, problem=problem))) == []
 
 
-def test_a_damper_of_the_rig_is_told_beside_the_viscous_coefficient_it_adds_to(lab):
-    """In closed form: a shaker's armature adds a quarter to the viscous coefficient; a measured force excludes it."""
+@pytest.mark.parametrize("share", [25, 150])
+def test_a_damper_of_the_rig_is_told_beside_the_viscous_coefficient_it_adds_to(lab, share):
+    """In closed form: a shaker's armature adds to the viscous coefficient; a measured force excludes it."""
     rows = lab.bench().rows
-    fit = explain(lab.record(rows, lab.linear(rows, viscous=1.25 * lab.viscous), 4), lab.mode()).leading.best
+    viscous = (1.0 + 0.01 * share) * lab.viscous
+    fit = explain(lab.record(rows, lab.linear(rows, viscous=viscous), 4), lab.mode()).leading.best
     (caution,) = describe_rig(fit)
-    assert "a damper of 25 % of the simulated viscous coefficient" in caution
+    said = re.search(r"a damper of (\d+) % of the simulated viscous coefficient", caution)
+    assert abs(int(said[1]) - share) < 2  # the noise of the rows moves it by a per cent; in digits, not 1.5e+02
     assert describe_rig(with_measured_force(fit)) == []
 
 

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from damping.records import audit
+from damping.records.mode import Mode
 from damping.records.record import Record
 
 FORCES = (1.0, 2.0, 4.0)
@@ -44,3 +45,19 @@ def test_few_rows_with_phases_or_energies_say_what_the_damping_is():
     for column, values in (("phase", lag), ("energy", energy)):
         found = audit(Record(table.assign(**{column: values}))).findings
         assert not [finding for finding in found if "may lie beyond" in finding.what]
+
+
+@pytest.mark.parametrize("ratios", [[0.93, 0.95], [0.92, 0.93, 0.95], [1.06, 1.08]])
+def test_a_damping_that_reads_high_at_the_edge_is_no_second_finding(ratios):
+    """|H| of the mode file beside its resonance, taken for a peak, shows a ratio of |1 - r^2|/2 = 5 %, not 1 %."""
+    damping = {"viscous": {"coefficient": 0.02 / (2.0 * np.pi * 10.0)}}
+    mode = Mode(frequency=10.0, mass=(2.0 * np.pi * 10.0) ** -2, damping=damping)
+    assert [finding.check for finding in audit(swept(ratios), mode).findings] == ["edge-of-sweep"]
+
+
+def test_a_damping_that_the_edge_does_not_explain_is_still_named():
+    """Forces seven times too large for the mode's mass give seven times its |1 - r^2|/2."""
+    mass = (2.0 * np.pi * 10.0) ** -2 / 7.0
+    mode = Mode(frequency=10.0, mass=mass, damping={"viscous": {"coefficient": 0.02 * mass * 2.0 * np.pi * 10.0}})
+    found = audit(swept([0.93, 0.95]), mode).findings
+    assert [finding.check for finding in found] == ["edge-of-sweep", "beyond-model"]

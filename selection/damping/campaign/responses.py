@@ -15,6 +15,7 @@ from damping.campaign.runs import LABEL_AGREES
 from damping.campaign.values import At, Bounds, Response
 from damping.formats.headers import ORDERS
 from damping.formats.quantity import unit
+from damping.records.text import per_cent
 
 _SEARCHED = 1.5  #: half of the range around a resonance that is searched for its peak, in half-power half-widths
 #: Change of amplitude, in ln, from which the damping within a level follows from that at two levels.
@@ -123,7 +124,7 @@ def describe_turned(own: Forecast, forecasts: Sequence[Forecast], tested: Sequen
     most = max(apart, key=lambda sensor: abs(apart[sensor]))
     if abs(apart[most]) <= _TURNED:
         return ""
-    by = f"{100.0 * abs(exp(apart[most]) - 1.0):.2g} % {'more' if apart[most] > 0.0 else 'less'}"
+    by = f"{per_cent(100.0 * abs(exp(apart[most]) - 1.0))} % {'more' if apart[most] > 0.0 else 'less'}"
     return (
         f"from {first.input:.3g} to {last.input:.3g} {drive_unit} the peak of {most!r} grows by {by}, beside that of "
         f"{largest.sensor!r}, than a fixed shape allows: "

@@ -4,6 +4,7 @@ import numpy as np
 
 from damping.gap.corrected import effect_values, refitted_values
 from damping.gap.fit import ModelFit
+from damping.records.text import per_cent
 
 
 def list_ambiguities(fit: ModelFit) -> list[str]:
@@ -62,15 +63,15 @@ def describe_rig(fit: ModelFit) -> list[str]:
     added = values.get("viscous-coefficient", {}).get("relative", 0.0)
     if added > 0.0 and problem.simulation.mode.rig.force != "measured":
         cautions.append(
-            f"a damper of {100.0 * added:.2g} % of the simulated viscous coefficient that acts in this test alone (a "
-            "shaker's armature, a stinger, a suspension, cables) has the same effect as this viscous coefficient, "
-            "unless a force cell at the structure excludes it: check it before the simulation is changed"
+            f"a damper of {per_cent(100.0 * added)} % of the simulated viscous coefficient that acts in this test "
+            "alone (a shaker's armature, a stinger, a suspension, cables) has the same effect as this viscous "
+            "coefficient, unless a force cell at the structure excludes it: check it before the simulation is changed"
         )
     relative = values.get("natural-frequency", {}).get("relative", 0.0)
     if relative and problem.simulation.simulator is None and not np.any(problem.rows.added):
         mass, spring = (1.0 + relative) ** -2 - 1.0, (1.0 + relative) ** 2 - 1.0
-        light = f"a mass of {100.0 * mass:.2g} % of the mode's (force cell, sensor, stinger, armature)"
-        stiff = f"a spring of {100.0 * spring:.2g} % of the mode's stiffness (suspension, stinger, cable)"
+        light = f"a mass of {per_cent(100.0 * mass)} % of the mode's (force cell, sensor, stinger, armature)"
+        stiff = f"a spring of {per_cent(100.0 * spring)} % of the mode's stiffness (suspension, stinger, cable)"
         cautions.append(
             f"{light if relative < 0.0 else stiff} that loads the structure in this test alone, or a frequency readout "
             f"that is off by {100.0 * relative:+.2g} %, has the same effect as this natural frequency: check both "

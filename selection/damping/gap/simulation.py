@@ -256,7 +256,7 @@ class Simulator:
         moved = "".join(f" with {name} = {value:.6g}" for name, value in changed.items())
         try:  # copies: a function may work in place
             answer = self.function(force.copy(), frequency.copy(), **{**self.values, **changed})
-            parts = [np.asarray(part) for part in answer] if isinstance(answer, tuple) else []
+            parts = [_as_array(part) for part in answer] if isinstance(answer, tuple) else []
         except (Exception, SystemExit) as error:
             *_, at = extract_tb(error.__traceback__)
             where = "" if at.filename == __file__ else f" in line {at.lineno} of {Path(at.filename).name}"
@@ -274,3 +274,9 @@ class Simulator:
                 raise InputError(f"{returned} is {part[bad[0]]:g} {row}", expected=f"{expected}; amplitudes > 0")
         A, phase = (part.astype(np.float64) for part in parts)
         return A, phase
+
+
+def _as_array(returned: object) -> np.ndarray:
+    """What a simulator returns as an array; what a mask hides is NaN, so that it is no answer."""
+    masked = np.ma.is_masked(returned)
+    return np.ma.filled(np.ma.asarray(returned, np.float64), np.nan) if masked else np.asarray(returned)

@@ -25,7 +25,7 @@ from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN
 from damping.infer.likelihood import residuals
 from damping.infer.observations import Observations
 from damping.ranking.candidates import NOISE_RANGE
-from damping.records.text import describe_p
+from damping.records.text import describe_p, per_cent
 
 Verdict = Literal["fits", "poor", "none fits"]
 #: What the sentence of a verdict says where no law fits, and where the leading one does not.
@@ -76,7 +76,7 @@ class FitVerdict:
     @property
     def sentence(self) -> str:
         """The verdict in words; empty where the law fits, no level lies apart and the stated noise is not exceeded."""
-        by = f"misses the measured rows by {self.misfit:.2g} % (root mean square), {describe_p(self.p_value)}"
+        by = f"misses the measured rows by {per_cent(self.misfit)} % (root mean square), {describe_p(self.p_value)}"
         none, poorly = MISFITS
         verdicts = {
             "fits": "",
@@ -206,7 +206,7 @@ def _describe_levels_apart(fit: BestFit, data: Observations) -> str:
     by = 100.0 * np.expm1(from_others[farthest])
     return (
         f"levels scatter about {fit.law.name} by {100.0 * scatter:.2g} %, {scatter / noise:.0f} times their rows"
-        f" ({100.0 * noise:.2g} %): {data.sweeps[farthest]} deviates most, its amplitudes {abs(by):.2g} %"
+        f" ({100.0 * noise:.2g} %): {data.sweeps[farthest]} deviates most, its amplitudes {per_cent(abs(by))} %"
         f" {'below' if by < 0.0 else 'above'} those implied by the others. If the law is not the cause,"
         " damping gap names it"
     )

@@ -11,11 +11,7 @@ from damping.records.view import Finding, View, label_sweeps, name_sweeps
 
 def check_few(view: View) -> Finding | None:
     """Sweeps of few rows without phases whose response rises to their edge, which is taken for the resonance."""
-    if "energy" in view.record.frame.columns:
-        return None
-    whole = {leg.run.sweep for leg in view.legs if leg.lag is not None or not _rises_to_edge(leg.run)}
-    sweeps = label_sweeps(leg.run for leg in view.legs if leg.run.sweep not in whole)
-    if not sweeps:
+    if not (sweeps := list_at_edge(view)):
         return None
     what = (
         f"{name_sweeps(sweeps)}: the largest response is at the edge of the few rows, so the resonance may lie beyond"
@@ -24,6 +20,14 @@ def check_few(view: View) -> Finding | None:
         "add a row past it, or record the phase: if the edge, which is taken, is not the resonance, damping reads high"
     )
     return Finding("edge-of-sweep", "caution", what, advice, sweeps)
+
+
+def list_at_edge(view: View) -> tuple[str, ...]:
+    """The sweeps of few rows whose edge is taken for the resonance without a phase or energy that shows it is one."""
+    if "energy" in view.record.frame.columns:
+        return ()
+    whole = {leg.run.sweep for leg in view.legs if leg.lag is not None or not _rises_to_edge(leg.run)}
+    return label_sweeps(leg.run for leg in view.legs if leg.run.sweep not in whole)
 
 
 def _rises_to_edge(run: Run) -> bool:

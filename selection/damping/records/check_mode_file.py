@@ -1,11 +1,12 @@
 """Check of a record against its mode file: mass, frequency and damping that are those of another structure or mode."""
 
-from math import log
+from math import hypot, log
 
 import numpy as np
 
 from damping.arrays import FloatArray
 from damping.forces import component
+from damping.records.check_few import list_at_edge
 from damping.records.check_levels import FAR_MASS, FAR_MASS_WITHOUT_PHASE, compare_masses, list_medians
 from damping.records.check_units import SMALL_RATIO, describe_unusual_ratio, name_factor, name_unit
 from damping.records.mode import Mode
@@ -40,6 +41,8 @@ def check_beyond_model(view: View) -> Finding | None:
         name = name_factor(view.mass_ratio)
         differences.append(f"the rows imply {view.mass_ratio:.3g} times its mass" + (f" ({name}?)" if name else ""))
     simulated, zeta = view.mode.viscous_ratio, float(table["damping_ratio"].iloc[0])
+    if str(table["sweep"].iloc[0]) in list_at_edge(view) and _is_beside(view.mode, frequency, zeta):
+        zeta = float("nan")  # not known; the finding on that edge says so
     advice = "check the gain of the sensor, that it reads displacement, and the mode file"
     if simulated and zeta > 0.0 and len(view.mode.damping) == 1 and abs(log(zeta / simulated)) > log(FAR_DAMPING):
         name = name_unit(zeta / simulated, view.mode.units, within=NEAR_NAMED)
@@ -56,6 +59,13 @@ def check_beyond_model(view: View) -> Finding | None:
     other = not swept.min() / OTHER_MODE < view.mode.frequency < swept.max() * OTHER_MODE
     advice = "model and record are of different modes" if other else advice
     return Finding("beyond-model", "refuse" if other else "caution", "; ".join(differences), advice, view.record.sweeps)
+
+
+def _is_beside(mode: Mode, frequency: float, zeta: float) -> bool:
+    """Whether the response of the mode file at a ``frequency`` beside its resonance shows this ratio as if at it."""
+    r = frequency / mode.frequency
+    shown = hypot(1.0 - r**2, 2.0 * mode.viscous_ratio * r) / (2.0 * r**2)
+    return shown > 0.0 and zeta > 0.0 and abs(log(zeta / shown)) < log(FAR_DAMPING)
 
 
 def _agree(view: View) -> bool:

@@ -33,8 +33,9 @@ OPTIONAL_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["pres
 TEXT_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["range"] == "text")
 #: Columns of a record in which a cell may be empty: a row without ``mass`` has the mass of the mode file.
 BLANK_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["cells"] == "may be blank")
-#: Expected content of a numeric cell, and of an empty cell in columns that must be complete.
+#: Expected content of a numeric cell, where it differs for a cell with text, and for an empty cell that must be filled.
 A_NUMBER = "a finite number"
+IN_TEXT = {"time": "a finite number: s since any moment, not a time of day"}
 IN_BLANK = {"phase": "a finite number: leave out the sweep that has none, or the column for all"}
 #: Kinds of values that pandas would convert to numbers with another meaning, and what is expected instead.
 NO_NUMBERS = dict.fromkeys(("boolean", "date", "period"), "numbers") | {

@@ -10,6 +10,7 @@ from damping.arrays import RAD_S_PER_HZ, ComplexArray, FloatArray, IntArray
 from damping.records.record import Record
 from damping.records.rows import order_taken
 from damping.records.runs import FEWEST_ROWS, NO_PARABOLA, Run, fit_parabola
+from damping.records.text import per_cent
 
 WILD = 3.0  #: an amplitude is wild if it differs from its neighbours by more than this factor
 MOST_WILD = 0.05  #: largest share of outliers in a run: more such rows are another branch of the response
@@ -189,7 +190,7 @@ class OddLevel:
         ]
         course = f"is {np.exp(size):.3g} times too {way} for its force beside the other levels"
         if frequency:
-            course = f"jumps there and returns, {100.0 * np.expm1(size):.2g} % too {way}"
+            course = f"jumps there and returns, {per_cent(100.0 * np.expm1(size))} % too {way}"
         which = "" if len(suspects) == 1 else "; the levels do not show which of them is wrong"
         return f"{' or '.join(suspects)}: the {self.quantity} {course}{which}"
 

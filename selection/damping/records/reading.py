@@ -191,7 +191,8 @@ def _column(scan: _Scan, name: str, blocks: Sequence[str], columns: _Columns) ->
         bad = next((int(k) for k in wrong if name not in columns.blank or cells[k].strip()), None)
         if bad is not None:
             row = sum(map(len, numbers)) + bad
-            expected = keys.IN_BLANK.get(name, keys.A_NUMBER) if not cells[bad].strip() else keys.A_NUMBER
+            special = keys.IN_TEXT if cells[bad].strip() else keys.IN_BLANK
+            expected = special.get(name, keys.A_NUMBER)
             scan.add(CellProblem(row, name, _describe_wrong(cells[bad]), expected))
         numbers.append(values)
     return pd.Series(np.concatenate(numbers), copy=False)

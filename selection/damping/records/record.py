@@ -227,7 +227,7 @@ def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
             typed[name], expected = cells.astype(str).astype(object), "text"
             good = (cells.notna() & (cells.astype(str).str.strip() != "")).to_numpy(dtype=bool)
         else:
-            typed[name], expected = read_numbers(cells, name, file), keys.A_NUMBER
+            typed[name], expected = read_numbers(cells, name, file), keys.IN_TEXT.get(name, keys.A_NUMBER)
             may_be_blank = cells.isna().to_numpy(dtype=bool) & (name in keys.BLANK_COLUMNS)
             good = np.isfinite(typed[name].to_numpy()) | may_be_blank
         if not good.all():

@@ -138,6 +138,12 @@ def count(n: int, what: str) -> str:
     return f"{n} {what}{'' if n == 1 else 's'}"
 
 
+def per_cent(value: SupportsFloat) -> str:
+    """A size in per cent as a sentence needs it: two significant digits below ten, whole from there (``657``)."""
+    x = float(value)
+    return f"{x:.0f}" if abs(x) >= 9.95 and isfinite(x) else f"{x:.2g}"
+
+
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")  #: makes a power of its digits
 NOTHING = "–"  #: sign for a missing number
 

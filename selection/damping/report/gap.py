@@ -17,7 +17,7 @@ from damping.gap.scatter import describe_repeatability, describe_scatter
 from damping.gap.sense import RESEMBLES
 from damping.gap.weighing import KNOWN
 from damping.records.mode import Units
-from damping.records.text import Disagreement
+from damping.records.text import Disagreement, per_cent
 from damping.report.page import Block, List, Text, write_sections
 
 #: Least share of the chi-square of a constant that a power of amplitude removes where a trend is reported: half.
@@ -85,7 +85,7 @@ def _say_effect(name: str, values: Mapping[str, float]) -> str:
         return f"{effect.damping} damping is missing"
     if effect.corrects or relative >= 0.0:
         return effect.sentence
-    there = "not there" if is_gone(values) else f"too large: {100.0 * (1.0 + relative):.2g} % of it is present"
+    there = "not there" if is_gone(values) else f"too large: {per_cent(100.0 * (1.0 + relative))} % of it is present"
     return f"the simulated {effect.damping} force is {there}"
 
 
