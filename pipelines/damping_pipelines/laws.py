@@ -116,7 +116,6 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
 
 
 def _print_headlines(sentences: Iterable[str]) -> None:
-    """Print the sentences before a result."""
     for sentence in sentences:
         console().print(f"{sentence[0].upper()}{sentence[1:]}.", style="bold red")
 

@@ -240,7 +240,6 @@ def judge_plan(plan: Plan, ranking: Ranking, all_rows: Observations, seed: int) 
 def _record_result(
     record: Input, ranking: Ranking, predicted: Future[dict[str, Any]], posteriors: tuple[LawPosterior, ...]
 ) -> RecordResult:
-    """Collect all results of one record."""
     prepared = record.prepared
     return RecordResult(
         name=record.settings.name,

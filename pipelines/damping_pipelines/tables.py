@@ -200,7 +200,6 @@ def step_files(steps: tuple[ConditioningStep, ...]) -> dict[str, str]:
 
 
 def _print_steps(steps: tuple[ConditioningStep, ...], description: Description, out: Path) -> None:
-    """Print the effect of each step, and the path of the record."""
     terminal, table = console(), PlainTable(description.title or out.stem, (), ("step", "report", "removed, at most"))
     for step in steps:
         removed = [f"{name} {np.nanmax(np.abs(step.removed[name])):.3g}" for name in step.removed]

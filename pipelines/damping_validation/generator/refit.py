@@ -171,7 +171,6 @@ def draw(kind: str, field: bool, rng: plan.Generator) -> DrawnCase:
 
 
 def _list_names(kind: str, rng: plan.Generator) -> tuple[str, ...]:
-    """Names of the effects of a kind."""
     if kind.startswith("null:"):
         return ()
     if not kind.startswith("pair:"):

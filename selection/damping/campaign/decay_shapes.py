@@ -110,13 +110,8 @@ def _peaks(t: FloatArray, x: FloatArray, parts: int) -> tuple[list[float], list[
     return [at for at in peaks if at < rate / _SAMPLES], [at for at in peaks if at >= rate / _SAMPLES]
 
 
-def _shape(
-    t: FloatArray, x: FloatArray, frequency: float, others: Sequence[float]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Shape (sensors,), 1 where largest, its standard error, and the share of each sensor's motion that it explains.
-
-    ``others``: frequencies of the other modes, which are filtered out.
-    """
+def _shape(t: FloatArray, x: FloatArray, frequency: float, others: Sequence[float]) -> Shape:
+    """The shape near a frequency; ``others``: frequencies of the other modes, which are filtered out."""
     dt = float((t[-1] - t[0]) / (len(t) - 1))
     thin = max(int(1.0 / (20.0 * frequency * dt)), 1)
     x = x[:, : x.shape[1] // thin * thin].reshape(len(x), -1, thin).mean(axis=2)

@@ -48,7 +48,6 @@ def _group_functions(functions: Sequence[Function]) -> dict[str, list[Function]]
 
 
 def _label_level(text: str) -> str:
-    """The label of a run, from the level in a text."""
     level = find_level(text)
     return f"{level[0]:g} {level[1]}" if level else _NO_LEVEL
 
@@ -71,7 +70,6 @@ def _name_functions(group: Sequence[Function]) -> list[str]:
 
 
 def _drop_level(line: str) -> str:
-    """An ID line without the level in it."""
     return " ".join(OF_LEVEL.sub("", line, count=1).split()).strip(" ,;:")
 
 

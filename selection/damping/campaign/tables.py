@@ -270,7 +270,6 @@ def _settle_sense(content: _Content, sweeps: Sequence[_SweepRows]) -> Sequence[_
 
 
 def _make_run(content: _Content, sweep: _SweepRows) -> CampaignRun:
-    """The run of a sweep, with its level."""
     source, stated = content.source, content.source.stated
     units = {reading.name: content.find_unit(reading, "response") for reading in content.sensors}
     drive_unit = content.find_unit(content.drives[0], "force", content.find_read_unit(sweep)) if content.drives else ""

@@ -174,7 +174,6 @@ def _summarise_columns(
 
 
 def _describe_layout(layout: Layout, skip: int) -> str:
-    """The layout of a table in words."""
     line = skip + layout.header - layout.units
     by = "columns by number" if layout.numbered else "columns by name"
     header = "no header" if layout.numbered else "" if layout.comments or line == 1 else f"header in line {line}"

@@ -77,7 +77,6 @@ def to_series(
 
 
 def _further(arrays: Mapping[str, Samples], n: int) -> dict[str, FloatArray]:
-    """Further columns (n,) of a record, by name."""
     further = {}
     for key in (key for key in _EXTRA if key in arrays):
         columns = _real(_matrix(arrays[key], n, key), key)

@@ -145,7 +145,6 @@ def _find_part(header: ColumnHeader) -> _Part | None:
 
 
 def _drop_words(text: str, words: Collection[str]) -> str:
-    """A name without some of its words."""
     pattern = "|".join(rf"(?<![^\W_]){re.escape(word)}(?![^\W_])" for word in words)
     return " ".join(re.sub(pattern, " ", text, flags=re.IGNORECASE).split()).strip(" _-.,()|") or text
 

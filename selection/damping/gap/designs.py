@@ -83,7 +83,6 @@ class ProposedTest:
 
 
 def _with_third(design: ProposedTest) -> ProposedTest:
-    """A test with the third harmonic measured too."""
     return replace(
         design,
         what=f"{design.what}, with the third harmonic of the displacement",
