@@ -8,6 +8,7 @@ and a small rest of each level, so that the cost grows with their number and not
 from functools import lru_cache
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf
 
 from damping.arrays import FloatArray
 from damping.infer.discrepancy import discrepancy_covariance
@@ -109,14 +110,13 @@ def _solve(bordered: FloatArray) -> tuple[FloatArray, FloatArray]:
     k = len(bordered) - 1
     if k >= _ONE_BY_ONE:
         bordered[k, k] = 1.0 + np.sum(bordered[k, :k] ** 2, axis=0)  # so that the row below is part of the factor
-        try:
-            factor = np.linalg.cholesky(bordered.transpose(2, 0, 1))  # what is above the diagonal is not read
-        except np.linalg.LinAlgError:  # a point is not finite, or too far out for its digits
-            pass
-        else:
-            return factor[:, k, :k].T, 2.0 * np.sum(np.log(np.einsum("pjj->jp", factor)[:k]), axis=0)
-    for j in range(k):
-        if j:
-            bordered[j:, j] -= np.einsum("rkp,kp->rp", bordered[j:, :j], bordered[j, :j])
-        bordered[j:, j] /= np.sqrt(bordered[j, j])
+        for transposed in bordered.transpose(2, 1, 0):
+            _, failed = dpotrf(transposed, overwrite_a=True, clean=False)  # half of a symmetric matrix is read
+            if failed:  # not finite, or too far out for its digits
+                transposed[...] = np.nan
+    else:
+        for j in range(k):
+            if j:
+                bordered[j:, j] -= np.einsum("rkp,kp->rp", bordered[j:, :j], bordered[j, :j])
+            bordered[j:, j] /= np.sqrt(bordered[j, j])
     return bordered[k, :k], 2.0 * np.sum(np.log(np.einsum("jjp->jp", bordered)[:k]), axis=0)
