@@ -8,7 +8,7 @@ As a check within the record, its higher levels can be left out and predicted fr
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -110,13 +110,20 @@ class Extrapolation:
         """
         if not self.levels.size:
             return None
-        draws = [reading.at(self.levels) for reading in self.readings]
+        *tried, design = self.levels
+        draws = [reading.at(self.levels[-1:]) for reading in self.readings]
         if find_shares(self.members, draws) @ ~join_rows(draws).resonates[:, -1] > REFUSED_SHARE:
             return None
-        *tried, design = self.levels
         if np.isnan(self.loads.average.median[self.loads.force == design]).any():
             return None
-        chosen = choose_next_level(self.members, draws, np.array(tried), design, self.loads.level)
+
+        def choose(block: FloatArray) -> NextLevel:  # as in `predict_at`
+            at_block = [reading.at(np.append(block, design)) for reading in self.readings]
+            return choose_next_level(self.members, at_block, block, design, self.loads.level)
+
+        best = [*map(choose, np.array_split(np.array(tried), -(-len(tried) // AT_ONCE)))]
+        table = pd.concat([each.others for each in best]).sort_values("expected", kind="stable")
+        chosen = replace(min(best, key=lambda each: each.expected), others=table)
         return chosen if np.log(chosen.width / chosen.expected) > LEAST_GAIN else None
 
 
