@@ -19,7 +19,7 @@ from damping.extrapolation.draws import (
 )
 from damping.extrapolation.prediction import PARTS, linear_amplitude, predict
 from damping.extrapolation.prepared import prepare_record
-from damping.extrapolation.reading import NextReading, draw_members
+from damping.extrapolation.reading import NextReading
 from damping.infer import discrepancy
 from damping.infer.discrepancy import DISCREPANCY_LOG_SD, DISCREPANCY_MEDIAN, JointEvidence
 from damping.infer.evidence import evidence
@@ -334,7 +334,7 @@ def test_a_fleet_draws_nothing_at_further_levels(saturn):
     asked = 2.0 * data.tested_force.max()
     brief = extrapolate_loads(data, [asked], seed=seed, laws=[Law(("viscous", "velocity-squared"))], fresh=False)
     assert brief.next_level is None
-    with_further = draw_members(brief.members, np.array([asked, *data.tested_force]), data, 0.0, seed)
+    with_further = [reading.at(np.array([asked, *data.tested_force])) for reading in brief.readings]
     for alone, whole in zip(brief.draws, with_further, strict=True):
         assert alone.total.shape[1] == 1
         np.testing.assert_allclose(alone.total, whole.total[:, :1], rtol=1e-12, atol=0.0)  # rounding

@@ -8,7 +8,7 @@ As a check within the record, its higher levels can be left out and predicted fr
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -30,7 +30,7 @@ from damping.extrapolation.draws import (
 from damping.extrapolation.plan import ROUNDING, Plan, find_repeatability, judge_rows, plan_loads
 from damping.extrapolation.prediction import REFUSED_SHARE, Loads, predict
 from damping.extrapolation.prepared import PreparedRecord
-from damping.extrapolation.reading import NextReading, draw_members, read_members
+from damping.extrapolation.reading import NextReading, read_members
 from damping.extrapolation.requested import check_loads
 from damping.infer.balanced import Balanced
 from damping.infer.chains import Posterior, sample
@@ -80,28 +80,15 @@ class Extrapolation:
     seed: int  #: of all draws
     #: candidate further levels, then the design force (the largest requested and allowed one); or empty
     levels: FloatArray
-    draws: tuple[Draws, ...]  #: of each member at the requested forces, then at ``levels``
+    readings: tuple[NextReading, ...]  #: of each member, at any force
+    draws: tuple[Draws, ...]  #: of each member at the requested forces
 
-    def read(self) -> list[NextReading]:
-        """What predictions at further forces have in common: up to 100 MB for a hundred levels, so not kept."""
-        return read_members(self.members, self.plan.data, find_repeatability(self.mode), self.seed)
-
-    def predict_at(
-        self,
-        forces: np.ndarray,
-        *,
-        each: bool = False,
-        to_invert: bool = False,
-        readings: Sequence[NextReading] | None = None,
-    ) -> Loads:
-        """Predictions at other forces (forces,) from the same draws.
-
-        ``each``, ``to_invert``: see `predict`. ``readings``: of `read`, where forces are asked for several times.
-        """
-        given, known = readings or self.read(), (self.plan.data, self.loads.level, self.seed, self.plan)
+    def predict_at(self, forces: np.ndarray, *, each: bool = False, to_invert: bool = False) -> Loads:
+        """Predictions at other forces (forces,) from the same draws; ``each``, ``to_invert``: see `predict`."""
+        known = self.plan.data, self.loads.level, self.seed, self.plan
 
         def predict_block(block: FloatArray) -> Loads:  # its draws are given back before those of the next are made
-            draws = [reading.at(block) for reading in given]
+            draws = [reading.at(block) for reading in self.readings]
             return predict(self.members, block, *known, draws=draws, each=each, to_invert=to_invert)
 
         return join_rows([*map(predict_block, np.array_split(forces, max(1, -(-len(forces) // AT_ONCE))))])
@@ -109,8 +96,7 @@ class Extrapolation:
     @cached_property
     def with_other_priors(self) -> pd.DataFrame:
         """The predictions with other priors (:func:`damping.extrapolation.draws.vary_priors`); NaN where refused."""
-        draws = [s.at(slice(len(self.loads.force))) for s in self.draws]
-        table = vary_priors(self.members, draws, self.loads.force, self.loads.level)
+        table = vary_priors(self.members, self.draws, self.loads.force, self.loads.level)
         refused = self.loads.force[np.isnan(self.loads.average.median)]
         table.loc[table["force"].isin(refused), ["median", "low", "high"]] = np.nan
         return table
@@ -120,17 +106,24 @@ class Extrapolation:
         """The further level that would most shrink the band at the largest requested force.
 
         None if that force is within the test, if its prediction is refused, if the gain is below ``LEAST_GAIN``, or if
-        no draws at further levels were asked for.
+        no further levels were asked for.
         """
         if not self.levels.size:
             return None
-        draws = [s.at(slice(len(self.loads.force), None)) for s in self.draws]
+        *tried, design = self.levels
+        draws = [reading.at(self.levels[-1:]) for reading in self.readings]
         if find_shares(self.members, draws) @ ~join_rows(draws).resonates[:, -1] > REFUSED_SHARE:
             return None
-        *tried, design = self.levels
         if np.isnan(self.loads.average.median[self.loads.force == design]).any():
             return None
-        chosen = choose_next_level(self.members, draws, np.array(tried), design, self.loads.level)
+
+        def choose(block: FloatArray) -> NextLevel:  # as in `predict_at`
+            at_block = [reading.at(np.append(block, design)) for reading in self.readings]
+            return choose_next_level(self.members, at_block, block, design, self.loads.level)
+
+        best = [*map(choose, np.array_split(np.array(tried), -(-len(tried) // AT_ONCE)))]
+        table = pd.concat([each.others for each in best]).sort_values("expected", kind="stable")
+        chosen = replace(min(best, key=lambda each: each.expected), others=table)
         return chosen if np.log(chosen.width / chosen.expected) > LEAST_GAIN else None
 
 
@@ -160,8 +153,8 @@ def extrapolate_loads(
         all_rows: if given, laws are also judged on these.
         estimate: of marginal likelihoods.
         ranking: of these candidates, if already made (:func:`damping.extrapolation.plan.plan_loads`).
-        fresh: whether to draw afresh from laws of more than ``LEAST_WEIGHT`` (:func:`draw_fresh`), and at further
-            levels too (``next_level``); a fleet and a comparison need neither.
+        fresh: whether to draw afresh from laws of more than ``LEAST_WEIGHT`` (:func:`draw_fresh`), and to try further
+            levels (``next_level``); a fleet and a comparison need neither.
 
     InputError: an invalid force or level, before any work.
     AnalysisError: no candidate can carry the measured forces.
@@ -182,10 +175,10 @@ def extrapolate_loads(
     design, tested = min(float(requested.max()), plan.limit), plan.data.tested_force
     beyond = fresh and design > tested.max() * (1.0 + ROUNDING)
     levels = np.append(list_levels(tested, design), design) if beyond else np.empty(0)
-    draws = draw_members(members, np.concatenate([requested, levels]), plan.data, find_repeatability(mode), seed)
-    at_asked = [drawn.at(slice(len(requested))) for drawn in draws]
-    loads = predict(members, requested, plan.data, level, seed, plan, draws=at_asked)
-    return Extrapolation(plan, tuple(members), loads, mode, seed, levels, tuple(draws))
+    readings = read_members(members, plan.data, find_repeatability(mode), seed)
+    draws = tuple(reading.at(requested) for reading in readings)
+    loads = predict(members, requested, plan.data, level, seed, plan, draws=draws)
+    return Extrapolation(plan, tuple(members), loads, mode, seed, levels, readings, draws)
 
 
 def predict_record(

@@ -170,7 +170,7 @@ def _search_forces(predicted: Extrapolation, asked: FloatArray, each: bool) -> t
     down = STEEPEST * min(0.0, math.log(asked.min() / data.tested_amplitude.min())) - math.log(_MARGIN)
     up = STEEPEST * max(0.0, math.log(asked.max() / data.tested_amplitude.max())) + math.log(_MARGIN)
     unlimited = replace(predicted, plan=replace(predicted.plan, limit=np.inf))
-    predict_at = partial(unlimited.predict_at, each=each, to_invert=True, readings=predicted.read())
+    predict_at = partial(unlimited.predict_at, each=each, to_invert=True)
     low = math.exp(max(math.log(data.tested_force.min()) + down, math.log(SMALLEST)))
     high = math.exp(min(math.log(data.tested_force.max()) + up, math.log(LARGEST)))
     points = np.geomspace(low, high, max(GRID, 1 + int(np.ceil(np.log(high / low) / STEP))))

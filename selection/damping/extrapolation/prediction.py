@@ -20,7 +20,7 @@ from damping.arrays import BoolArray, FloatArray, IntArray, join_rows
 from damping.extrapolation.cautions import NOTHING_KNOWN, list_cautions
 from damping.extrapolation.draws import Draws, Member, find_quantiles, find_shares
 from damping.extrapolation.plan import Plan
-from damping.extrapolation.reading import draw_members
+from damping.extrapolation.reading import read_members
 from damping.infer.observations import Observations
 
 REFUSED_SHARE = 0.05  #: share of draws without a resonance above which no prediction is given
@@ -142,7 +142,7 @@ def predict(
             infinite. Elsewhere a prediction is refused if too many draws have no resonance.
     """
     if draws is None:
-        draws = draw_members(members, force, data, repeatability, seed)
+        draws = [reading.at(force) for reading in read_members(members, data, repeatability, seed)]
     allowed = plan.allows(force) if plan else np.full(len(force), True)
     counted = to_invert & (data.amplitude_is_input | (force < data.tested_force.min()))
     laws = zip(members, draws, strict=True) if each else ()

@@ -89,19 +89,15 @@ class NextReading:
         return Draws(law, discrepancy, noise, np.isfinite(of_law), short[which])
 
 
-def read_members(members: Sequence[Member], data: Observations, repeatability: float, seed: int) -> list[NextReading]:
-    """The next reading by every law; ``repeatability``: stated of a level's amplitude, a lower bound of its scatter."""
-    rngs = np.random.default_rng(seed).spawn(len(members))
-    return [NextReading.of(member, data, repeatability, rng) for member, rng in zip(members, rngs, strict=True)]
+def read_members(
+    members: Sequence[Member], data: Observations, repeatability: float, seed: int
+) -> tuple[NextReading, ...]:
+    """The next reading by every law; draws at one force do not depend on the other forces.
 
-
-def draw_members(
-    members: Sequence[Member], force: FloatArray, data: Observations, repeatability: float, seed: int
-) -> list[Draws]:
-    """Draws of every law's parts at ``force`` (forces,); draws at one force do not depend on the other forces."""
+    ``repeatability``: stated of a level's amplitude, a lower bound of its scatter.
+    """
     rngs = np.random.default_rng(seed).spawn(len(members))
-    # one law after the other: a reading may take more memory than its draws at few forces
-    return [NextReading.of(m, data, repeatability, rng).at(force) for m, rng in zip(members, rngs, strict=True)]
+    return tuple(NextReading.of(member, data, repeatability, rng) for member, rng in zip(members, rngs, strict=True))
 
 
 def _compare_levels(

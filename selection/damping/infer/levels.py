@@ -8,6 +8,7 @@ and a small rest of each level, so that the cost grows with their number and not
 from functools import lru_cache
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf
 
 from damping.arrays import FloatArray
 from damping.infer.discrepancy import discrepancy_covariance
@@ -16,7 +17,7 @@ from damping.infer.discrepancy import discrepancy_covariance
 #: of four some fifteen curves are kept, and ln p of laws that matter is right to a few hundredths.
 _LEFT = 3e-5
 #: Rows of matrices from which they are factorised one by one (LAPACK), not all at once by columns: at 24 both take the
-#: same time, at 100 one by one a fifth.
+#: same time, at 100 one by one a fifth. Smaller ones are interleaved in memory: see `find_averages`.
 _ONE_BY_ONE = 24
 
 
@@ -24,6 +25,19 @@ _ONE_BY_ONE = 24
 def covariance_at(z: tuple[float, ...], origin: float) -> FloatArray:
     """Covariance of ln A of levels at ln F = z (s,) for a discrepancy of 1, from an ``origin``, (s, s)."""
     return discrepancy_covariance(np.array(z), np.array(z), origin)
+
+
+@lru_cache(maxsize=256)  # as above
+def drift_at(u: tuple[float, ...], length: float) -> FloatArray:
+    """Correlation of the drift of levels at ln A = u (s,), forgotten over a ``length``, (s, s)."""
+    return np.asarray(np.exp(-np.abs(np.subtract.outer(u, u)) / length))
+
+
+def scale_each(matrix: FloatArray, factors: FloatArray) -> FloatArray:
+    """A ``matrix`` (s, s) times each of ``factors`` (points,), (points, s, s)."""
+    if len(matrix) >= _ONE_BY_ONE:
+        return np.asarray(np.multiply.outer(factors, matrix))
+    return np.moveaxis(np.multiply.outer(matrix, factors), -1, 0)
 
 
 @lru_cache(maxsize=256)  # as above
@@ -49,11 +63,13 @@ def integrate_levels(sums: FloatArray, covariance: FloatArray) -> tuple[FloatArr
     nn, hh, hn = sums[1:].reshape(3, -1, sums.shape[1])
     root = np.sqrt(hh)
     s, points = root.shape
-    bordered = np.empty((s + 1, s, points))  # B, and S^-1 hn below it
-    np.multiply(root[:, None] * root, covariance.transpose(1, 2, 0), out=bordered[:s])
-    np.einsum("jjp->jp", bordered[:s])[...] += 1.0
-    bordered[s] = np.divide(hn, root, out=np.zeros(root.shape), where=root > 0.0)
-    within = np.maximum(nn - bordered[s] ** 2, 0.0)  # zero for one row per level, up to rounding
+    bordered = _empty_bordered(s, points)  # B, and S^-1 hn below it
+    each = np.asarray(root.T, order="C" if s >= _ONE_BY_ONE else "K")
+    np.multiply(each[:, :, None] * each[:, None], covariance, out=bordered[:s, :s].transpose(2, 0, 1))
+    np.einsum("jjp->jp", bordered[:s, :s])[...] += 1.0
+    below = np.divide(hn, root, out=np.zeros(root.shape), where=root > 0.0)
+    bordered[s, :s] = below
+    within = np.maximum(nn - below**2, 0.0)  # zero for one row per level, up to rounding
     solved, log_determinant = _solve(bordered)
     return np.sum(within + solved**2, axis=0), log_determinant
 
@@ -69,34 +85,38 @@ def integrate_curves(
     s, curves = U.shape
     d = level**2 + np.multiply.outer(rests, sigma**2)
     own = 1.0 + hh * d
-    bordered = np.empty((curves + 1, curves, len(sigma)))
+    bordered = _empty_bordered(curves, len(sigma))
     products = (U[:, :, None] * U[:, None]).reshape(s, curves**2).T
-    bordered[:curves] = (products @ (hh / own)).reshape(curves, curves, len(sigma)) * sigma**2
-    np.einsum("jjp->jp", bordered[:curves])[...] += 1.0
-    bordered[curves] = sigma * (U.T @ (hn / own))
+    bordered[:curves, :curves] = (products @ (hh / own)).reshape(curves, curves, len(sigma)) * sigma**2
+    np.einsum("jjp->jp", bordered[:curves, :curves])[...] += 1.0
+    bordered[curves, :curves] = sigma * (U.T @ (hn / own))
     alone = np.sum(np.maximum(nn - hn**2 * d / own, 0.0), axis=0)
     solved, log_determinant = _solve(bordered)
     return alone - np.sum(solved**2, axis=0), np.sum(np.log(own), axis=0) + log_determinant
 
 
-def _solve(bordered: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """L^-1 b (k, points) and ln |B| (points,) of matrices B = L L^T >= I, (k, k, points), with a row b below each.
-
-    NaN where they are not finite. ``bordered`` (k + 1, k, points) is overwritten.
-    """
-    _, k, points = bordered.shape
+def _empty_bordered(k: int, points: int) -> FloatArray:
+    """Of matrices (k, k) with a row below, whose end is not read, (k + 1, k + 1, points)."""
     if k >= _ONE_BY_ONE:
-        square = np.empty((points, k + 1, k + 1))  # what is above the diagonal is not read
-        square[..., :k] = bordered.transpose(2, 0, 1)
-        square[:, k, k] = 1.0 + np.sum(bordered[k] ** 2, axis=0)  # so that the row below is part of the factor
-        try:
-            factor = np.linalg.cholesky(square)
-        except np.linalg.LinAlgError:  # a point is not finite, or too far out for its digits
-            pass
-        else:
-            return factor[:, k, :k].T, 2.0 * np.sum(np.log(np.einsum("pjj->jp", factor)[:k]), axis=0)
-    for j in range(k):
-        if j:
-            bordered[j:, j] -= np.einsum("rkp,kp->rp", bordered[j:, :j], bordered[j, :j])
-        bordered[j:, j] /= np.sqrt(bordered[j, j])
-    return bordered[k], 2.0 * np.sum(np.log(np.einsum("jjp->jp", bordered[:k])), axis=0)
+        return np.empty((points, k + 1, k + 1)).transpose(1, 2, 0)
+    return np.empty((k + 1, k + 1, points))
+
+
+def _solve(bordered: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """L^-1 b (k, points) and ln |B| (points,) of matrices B = L L^T >= I, (k, k), with a row b below each.
+
+    NaN where they are not finite. ``bordered``, of `_empty_bordered`, is overwritten.
+    """
+    k = len(bordered) - 1
+    if k >= _ONE_BY_ONE:
+        bordered[k, k] = 1.0 + np.sum(bordered[k, :k] ** 2, axis=0)  # so that the row below is part of the factor
+        for transposed in bordered.transpose(2, 1, 0):
+            _, failed = dpotrf(transposed, overwrite_a=True, clean=False)  # half of a symmetric matrix is read
+            if failed:  # not finite, or too far out for its digits
+                transposed[...] = np.nan
+    else:
+        for j in range(k):
+            if j:
+                bordered[j:, j] -= np.einsum("rkp,kp->rp", bordered[j:, :j], bordered[j, :j])
+            bordered[j:, j] /= np.sqrt(bordered[j, j])
+    return bordered[k, :k], 2.0 * np.sum(np.log(np.einsum("jjp->jp", bordered)[:k]), axis=0)

@@ -22,14 +22,21 @@ from damping.arrays import FloatArray
 from damping.forces.contract import Force
 from damping.infer.discrepancy import OF_FRICTION
 from damping.infer.law import Coordinates
-from damping.infer.levels import covariance_at, integrate_curves, integrate_levels, split_covariance
+from damping.infer.levels import (
+    covariance_at,
+    drift_at,
+    integrate_curves,
+    integrate_levels,
+    scale_each,
+    split_covariance,
+)
 from damping.infer.observations import Observations
 
 REACH = 8.0  #: the prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow
 #: Points times rows computed at once: half a dozen such arrays stay in 1 MB, the second-level cache of a processor.
 BLOCK = 15_000
 #: Fewest points whose covariances of levels are worked on at once: with fewer, calls take longer than numbers.
-_FEWEST = 16
+_FEWEST = 4
 #: Correlation length of the drift of a decay in ln A: a level or two of the usual steps of a fifth.
 DRIFT_LENGTH = 0.4
 #: Most sweeps for which a matrix product is the fastest way to sums over each, and a factor of their covariance cheap.
@@ -178,12 +185,10 @@ def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations
 
     ``sigma``: standard deviation of the slope's discrepancy, (points,).
     """
-    # points last in memory: see `find_averages`
-    discrepancy = np.moveaxis(np.multiply.outer(covariance_of_levels(coordinates, data), sigma**2), -1, 0)
-    if not (coordinates.with_level_scatter or data.amplitude_is_input):  # levels have no errors of their own
-        return discrepancy
-    discrepancy += scatter_covariance(*coordinates.scatter(x), data)
-    return discrepancy
+    covariance = scale_each(covariance_of_levels(coordinates, data), sigma**2)
+    if coordinates.with_level_scatter or data.amplitude_is_input:  # else levels have no errors of their own
+        covariance += scatter_covariance(*coordinates.scatter(x), data)
+    return covariance
 
 
 def covariance_of_levels(coordinates: Coordinates, data: Observations) -> FloatArray:
@@ -202,11 +207,11 @@ def scatter_covariance(row: FloatArray, level: FloatArray, data: Observations) -
     Levels of one decay also drift together, by as much as each scatters: they are neighbours in one envelope and share
     trends of its baseline, of temperature or of a neighbouring mode.
     """
-    covariance = np.eye(len(data.sweeps))[..., None] * level**2  # points last in memory: see `find_averages`
-    if data.amplitude_is_input:
-        distance = np.abs(np.subtract.outer(*2 * (np.log(data.tested_amplitude),)))
-        covariance += row**2 * np.exp(-distance / DRIFT_LENGTH)[..., None]
-    return np.moveaxis(covariance, -1, 0)
+    if not data.amplitude_is_input:
+        return scale_each(np.eye(len(data.sweeps)), level**2)
+    covariance = scale_each(drift_at(tuple(np.log(data.tested_amplitude)), DRIFT_LENGTH), row**2)
+    np.einsum("pjj->pj", covariance)[...] += level[:, None] ** 2
+    return covariance
 
 
 def level_exponents(force: Force, data: Observations) -> FloatArray:
