@@ -379,8 +379,14 @@ def test_the_implied_mass_is_exact_for_viscous_damping(ratio, offset):
 
 @pytest.mark.parametrize(
     ("noise", "points", "share", "ends"),
-    [(0.0, 29, 0.01, (23.0, 24.4)), (0.005, 29, 0.01, (23.0, 24.4)), (0.01, 121, 0.01, (23.0, 24.4))]
-    + [(0.02, 15, 0.01, (23.0, 24.4)), (0.0, 31, 0.02, (22.3, 25.5)), (0.02, 61, 0.02, (22.3, 25.5))],
+    [
+        (0.0, 29, 0.01, (23.0, 24.4)),
+        (0.005, 29, 0.01, (23.0, 24.4)),
+        (0.01, 121, 0.01, (23.0, 24.4)),
+        (0.02, 15, 0.01, (23.0, 24.4)),
+        (0.0, 31, 0.02, (22.3, 25.5)),
+        (0.02, 61, 0.02, (22.3, 25.5)),
+    ],
 )
 def test_a_phase_that_falls_through_an_antiresonance_is_a_lag(noise, points, share, ends):
     """An absorber of 1 or 2 % mass at 1.004 f_n: between the two peaks A is least where the phase falls.
