@@ -13,12 +13,13 @@ from damping.arrays import RAD_S_PER_HZ
 from damping.effects import CATALOGUE
 from damping.effects.contact import LooseDashpot
 from damping.effects.contract import Drive, Terms
-from damping.effects.foreign import DisplacementPower
+from damping.effects.foreign import DisplacementPower, SqueezedFilm
 from damping.effects.masses import OTHER_ADDED_MASS, VaryingMass
 from damping.effects.terms import predict
 from damping.forces import make
 from damping.gap.diagnose import diagnose, explain
 from damping.gap.next_test import _predict_runs
+from damping.gap.outside import Rival, weigh_library
 from damping.gap.rows import read_rows
 from damping.gap.unknowns import stated_noise
 from damping.records.mode import Rig
@@ -55,6 +56,31 @@ def test_hysteresis_of_any_power_has_the_averages_of_its_force(power):
     # 24 points of half a cycle: 1 % of a force that jumps
     third = 1j * C * (1.0 - 4.0 * (power + 1.0) / (power + 3.0))
     np.testing.assert_allclose(np.ravel(force.third(A, omega)), third, rtol=0.01)
+
+
+def test_a_squeezed_film_has_the_averages_of_its_force():
+    """c q'/(1 - q/h)^3: C, dC/d ln A and the third harmonic against the mean over a sampled cycle."""
+    force, A, omega = SqueezedFilm(2.0, 0.5), np.array([0.01, 0.2, 0.4]), 1.7 * np.ones(3)
+    own = 2.0 * A * 1.7 * np.cos(THETA) / (1.0 - A * np.sin(THETA) / 0.5) ** 3
+    C, slope, S, _ = force.averages(A, omega)
+    assert not np.any(S)
+    np.testing.assert_allclose(C, 2.0 * np.mean(own * np.cos(THETA), axis=0), rtol=1e-9)  # smooth: rounding
+    third = 2j * np.mean(own * np.exp(-3j * THETA), axis=0)
+    np.testing.assert_allclose(force.third(A, omega), third, rtol=1e-9, atol=1e-12)
+    above, below = (force.quadrature(A * np.exp(step), omega) for step in (1e-4, -1e-4))
+    np.testing.assert_allclose(slope, (above - below) / 2e-4, rtol=1e-6)  # the square of the step
+
+
+@pytest.mark.parametrize(("odds", "beyond"), [(0.5, 0), (-2.0, 1)])
+def test_a_second_state_says_nothing_against_a_cause_outside_that_explains_it_as_well(lab, odds, beyond, monkeypatch):
+    """Log odds above 0: the second state did not tell the explanation from that cause, and so does not support it."""
+    rows = lab.bench(levels=2, points=12).rows
+    states = [("a", rows, 0.0), ("b", rows, 0.2 * lab.mass)]
+    record = make_record(lab, states, lambda A, omega: 1j * omega * lab.viscous)
+    found = limited(("viscous-coefficient",), explain, record, lab.mode())
+    monkeypatch.setattr("damping.gap.outside.weigh_outside", lambda *_: ((Rival("a film", odds),), ()))
+    verdict = weigh_library(found.search, found.hypotheses, found.tests, 1.0, unexplained=False, brief=False)
+    assert verdict.beyond == beyond
 
 
 def test_hysteresis_of_the_square_of_displacement_is_told_by_its_third_harmonic(lab):

@@ -50,6 +50,7 @@ FOREIGN: dict[str, Effect] = {
     for effect in (
         replace(contact.CONTACT, prior=_SIGNS * _STANDS_FOR),
         foreign.SLOW_SPRING,
+        foreign.SQUEEZED_FILM,
         foreign.FALLING_FRICTION,
         foreign.MEMORY,
         contact.RUB,

@@ -1,4 +1,4 @@
-"""Causes outside the library that imitate those in it: other powers, falling friction, lag, a warming spring."""
+"""Causes outside the library that imitate those in it: other powers, a film, falling friction, lag, a warm spring."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,6 +18,9 @@ from damping.forces.shapes import FORCE, LENGTH, TIME, Shape, coefficient_in
 _POWER = FormVariable.between(0.3, 8.0, starts=(-1.0, 0.4, 1.4))
 #: Tangent of the lag of a relaxing force at resonance: from almost a dashpot to almost a spring.
 _LAG = FormVariable.between(0.2, 5.0)
+#: What the largest motion leaves of a film, over that motion: nearly touching, to a film that hardly feels it.
+_LEFT = FormVariable.between(0.03, 1.5)
+_CLOSEST = 0.99  #: largest amplitude over the thickness of a film at which its force is evaluated
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,56 @@ ANY_POWER = Effect(
     simulate=adds_force(
         lambda table: next(force(table["coefficient"], table[of]) for of, force in POWERS.items() if of in table)
     ),
+)
+
+
+@dataclass(frozen=True)
+class SqueezedFilm(GrowingForce):
+    """A film of thickness h between plates, one of which moves by q: c q'/(1 - q/h)^3 (Reynolds 1886).
+
+    Films on both sides, half as strong each, have the same first harmonic.
+    """
+
+    coefficient: Floats
+    thickness: Floats
+
+    name: ClassVar[str] = "squeezed-film"
+    shapes: ClassVar[tuple[Shape, ...]] = (coefficient_in(FORCE * TIME / LENGTH), Shape("thickness", LENGTH, above=0.0))
+
+    def grow(self, A: Floats, omega: Floats) -> tuple[Floats, Floats]:
+        """C = c A omega/(1 - x^2)^(3/2), x = A/h, and dC/d ln A = C (1 + 2 x^2)/(1 - x^2)."""
+        square = np.minimum(A / self.thickness, _CLOSEST) ** 2
+        loss: Floats = self.coefficient * A * omega / (1.0 - square) ** 1.5
+        return loss, loss * (1.0 + 2.0 * square) / (1.0 - square)
+
+    def third(self, A: Floats, omega: Floats) -> ComplexArray:
+        """-3 i c A omega x^2 (1 + 3 r)/((1 + r) r)^3, r^2 = 1 - x^2: from the series of 1/(1 - x sin theta)^2."""
+        square = np.minimum(A / self.thickness, _CLOSEST) ** 2
+        r = np.sqrt(1.0 - square)
+        return np.asarray(-3j * self.coefficient * A * omega * square * (1.0 + 3.0 * r) / ((1.0 + r) * r) ** 3)
+
+    def g(self, q: Floats, speed: Floats, sign: Floats) -> Floats:
+        """c q'/(1 - q/h)^3."""
+        return sign * self.coefficient * speed / (1.0 - np.minimum(q / self.thickness, _CLOSEST)) ** 3
+
+
+def film_forms(scales: Scales) -> tuple[Form, ...]:
+    """Strength: C/A at the largest amplitude. Shape: what that amplitude leaves of the film, over the amplitude."""
+
+    def report(loss: Floats, left: Floats) -> dict[str, Floats]:
+        thickness = scales.A_high * (1.0 + left)
+        unit = SqueezedFilm(1.0, thickness).quadrature(scales.A_high, scales.omega_n) / scales.A_high
+        return {"coefficient": loss / unit, "thickness": thickness}
+
+    return (SQUEEZED_FILM.form(report, scales.loss, shapes=(_LEFT,)),)
+
+
+SQUEEZED_FILM = Effect(
+    name="squeezed-film",
+    kind="force",
+    sentence="a film that is squeezed, whose damping grows without bound as the motion nears its thickness",
+    forms=film_forms,
+    simulate=adds_force(lambda table: SqueezedFilm(table["coefficient"], table["thickness"])),
 )
 
 

@@ -209,7 +209,9 @@ class LibraryVerdict:
     outside: tuple[Rival, ...]  #: causes outside the library, those of the rig first
     imitations: tuple[Hypothesis, ...]  #: explanations by causes outside the library that the record does not exclude
     doubts: FloatArray  #: see `damping.gap.weighing.describe_doubts`
-    beyond: int  #: see `damping.gap.weighing.count_beyond`; 0 where more than noise is left or an imitation remains
+    #: see `damping.gap.weighing.count_beyond`; 0 where more than noise is left, or a cause outside the library that was
+    #: not excluded explains what is measured as well
+    beyond: int
     probability: float  #: that the library holds the cause
 
 
@@ -237,7 +239,8 @@ def weigh_library(
         return LibraryVerdict((), (), doubts, beyond, estimate(doubts, beyond))
     outside, imitations = weigh_outside(search, hypotheses[0].hypothesis)
     odds = [rival.log_odds for rival in outside]
-    doubts, beyond = describe_doubts(tests, hypotheses, odds), 0 if imitations else beyond
+    as_well = max(odds, default=-np.inf) >= -_EVEN  # then nothing measured tells the leading explanation from it
+    doubts, beyond = describe_doubts(tests, hypotheses, odds), 0 if imitations or as_well else beyond
     return LibraryVerdict(outside, imitations, doubts, beyond, estimate(doubts, beyond))
 
 

@@ -225,10 +225,10 @@ def has_antiresonance(run: Run) -> bool:
     if run.phase is None or np.mean(np.sin(run.phase)) <= 0.0:
         return False
     cos, g = np.cos(run.phase), run.compliance
-    crossed = np.flatnonzero(cos[1:] * cos[:-1] <= 0.0)
-    if len(crossed) == 0 or not cos[0] < 0.0 < cos[-1]:
+    fallen = np.flatnonzero((cos[:-1] <= 0.0) & (cos[1:] > 0.0))
+    if len(fallen) == 0:
         return False
-    first, last = int(crossed[0]), int(crossed[-1]) + 1  # the rows about all crossings
+    first, last = int(fallen[0]), int(fallen[-1]) + 1  # the rows about all falls, which resonances may surround
     if first == 0 or last == len(run) - 1:
         return False
     rise = min(g[:first].max(), g[last + 1 :].max()) - g[first : last + 1].max()
