@@ -106,7 +106,7 @@ def test_help_names_every_command(damping):
         assert "..." not in run.out.split("Commands:")[1]  # no summary is cut
 
 
-#: Names what is loaded after the help, after commands on peaks, then with a decay and what other commands print.
+#: Names what is loaded after the help, then after commands on peaks, then with what other commands print.
 LOADING = """
 import json, sys
 from damping_pipelines.cli import main
@@ -119,11 +119,7 @@ def run(*arguments):
 loaded = [run(["--help"])]
 for sys.argv in json.loads(sys.argv[1]):
     peaks = run()
-import numpy as np, damping.records, damping.gap.diagnose, damping.report.gap
-from damping.signals.ringdown import ring_down
-
-t = np.arange(4000) / 100.0
-ring_down(t, np.exp(-0.05 * t) * np.sin(9.0 * t), order=0, mass=1.0, frequency=9.0 / 2.0 / np.pi)
+import damping.records, damping.gap.diagnose, damping.report.gap
 print(json.dumps([*loaded, peaks, [*sys.modules]]), file=sys.stderr)
 """
 
@@ -157,7 +153,7 @@ def test_commands_on_peaks_load_what_they_use(loaded):
 
 
 def test_what_commands_print_needs_no_figures(loaded):
-    """A check, a decay and the sentences of a diagnosis load neither matplotlib nor scipy.signal: .7 and .5 s."""
+    """Checking a record and the sentences of a diagnosis load neither matplotlib nor scipy.signal: .7 and .5 s."""
     assert not {"matplotlib", "scipy.signal", "scipy.stats"} & loaded[2]
 
 

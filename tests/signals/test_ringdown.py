@@ -34,7 +34,7 @@ from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records.record import Record
 from damping.signals.ringdown import Decay, ring_down
-from damping.signals.windows import make_flat_window, space_evenly
+from damping.signals.windows import space_evenly
 
 M, omega_n = 2.0, 10.0
 K = M * omega_n**2
@@ -518,11 +518,3 @@ def test_a_tone_at_the_frequency_of_the_mode_is_said(power: float, hum: float) -
     told = [float(note.split("amplitude ")[1].split()[0]) for note in notes if "does not decay" in note]
     assert len(told) == (hum > 0.0)
     np.testing.assert_allclose(told, hum, rtol=0.02)  # what is left of the decay there: e^-10
-
-
-@pytest.mark.parametrize("samples", [193, 194, 1500, 5000])  # one place, two, and one transform or several
-def test_the_window_is_applied_at_every_place(samples):
-    """z at a place is the sum over the window of weights times motion; rounding: of a thousand products."""
-    window, x = make_flat_window(1.0, 6.0, 1.0 / 32.0), np.random.default_rng(0).standard_normal(samples)
-    places = np.lib.stride_tricks.sliding_window_view(x, len(window.offsets))
-    np.testing.assert_allclose(window.analytic(x), places @ window.kernel, rtol=0.0, atol=1e-13)

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import ceil, log2
 
 import numpy as np
 
@@ -19,10 +18,7 @@ UNEVEN = 0.02  #: largest deviation from even times, over a step, that counts as
 _ROUNDED = 0.6  # largest deviation of rounded times from even ones, in the last digit: half, and the error of the line
 _LIKE_WHOLE = 1e-3  # largest deviation from whole last digits: that of binary numbers
 _ALTERNATE = 0.01  # least share of each of two steps: a sample that is missing gives one larger step
-_TOGETHER = 1_000_000  # times that are compared together
-_OVERLAP = 8.0  # least samples that are transformed together, over those of the window: their cost per sample is least
-#: Coefficients of cos(k a) of the Blackman-Harris window of four terms (Harris 1978).
-_BLACKMAN_HARRIS = np.array([0.35875, 0.48829, 0.14128, 0.01168])
+_TOGETHER = 1_000_000  # samples that are worked on together
 _PARTS = 10  # parts of a record whose mean steps are compared
 _STRETCHED = 5.0  # largest deviation of a part's mean step, in standard errors
 _FEWEST_OF_DECAY = 8  # fewest samples per period of a decay
@@ -57,17 +53,13 @@ class Window:
         return np.asarray(turned - self.weights * (np.sum(turned) / np.sum(self.weights)))
 
     def analytic(self, x: FloatArray) -> ComplexArray:
-        """Analytic signal z where the window lies inside x, by transforms of overlapping parts (overlap-save).
+        """Analytic signal z where the window lies inside x."""
+        from scipy.signal import oaconvolve  # noqa: PLC0415 - slow to import, and only long signals need it
 
-        `scipy.signal` does the same, but takes half a second and 50 MB to import.
-        """
         kernel = self.kernel
-        inside = len(kernel) - 1
-        size = 2 ** ceil(log2(_OVERLAP * len(kernel)))
-        turned = np.fft.fft(kernel[::-1], size)
-        starts = range(0, max(len(x) - inside, 1), size - inside)
-        parts = (np.fft.ifft(turned * np.fft.fft(x[k : k + size], size))[inside : len(x) - k] for k in starts)
-        return np.concatenate([*parts])
+        starts = range(0, max(len(x) - len(kernel) + 1, 1), _TOGETHER)
+        parts = (x[start : start + _TOGETHER + len(kernel) - 1] for start in starts)
+        return np.concatenate([oaconvolve(part, kernel[::-1], mode="valid") for part in parts])
 
     def gain(self, s: complex) -> complex:
         """Gain of z for the real part of exp(s t); its image at the conjugate of s averages out over a level."""
@@ -159,9 +151,11 @@ def average_groups(t: FloatArray, x: FloatArray, dt: float, frequency: float) ->
 
 def make_flat_window(frequency: float, periods: float, dt: float) -> Window:
     """Hann window times a + b tau^2 of area 2 and no second moment, ``periods`` of ``frequency`` (Hz) long."""
+    from scipy.signal.windows import hann  # noqa: PLC0415 - slow to import, and only free decays need it
+
     half = round(0.5 * periods / (frequency * dt))
     offsets = dt * np.arange(-half, half + 1)
-    weights = np.hanning(2 * half + 3)[1:-1]
+    weights = np.asarray(hann(2 * half + 3)[1:-1], dtype=np.float64)
     zeroth, second, fourth = (float(weights @ offsets**power) for power in (0, 2, 4))
     a, b = np.linalg.solve([[zeroth, second], [second, fourth]], [2.0, 0.0])
     flat = np.asarray(weights * (a + b * offsets**2), dtype=np.float64)
@@ -175,9 +169,11 @@ def list_weights(frequency: float, others: Sequence[float], dt: float, most: int
     Least squares under a Hann window, with every near mode as (a + b u + c u^2) exp(i omega u), so that its decay is
     removed too. ``others``: other modes, Hz. ``most``: samples, unless ``PERIODS`` need more.
     """
+    from scipy.signal.windows import hann  # noqa: PLC0415 - slow to import, and only several modes need it
+
     nearest = min((abs(other - frequency) for other in others), default=frequency)
     half = round(0.5 * max(PERIODS / (frequency * dt), min(APART / (nearest * dt), most)))
-    u, root = np.arange(-half, half + 1) / half, np.sqrt(np.hanning(2 * half + 3)[1:-1])
+    u, root = np.arange(-half, half + 1) / half, np.sqrt(hann(2 * half + 3)[1:-1])
     near = [other for other in others if abs(other - frequency) * 2.0 * half * dt < NEIGHBOUR]
     turn = 1j * RAD_S_PER_HZ * dt * half * u
     waves = [np.exp(frequency * turn), *(u**power * np.exp(other * turn) for other in near for power in range(3))]
@@ -190,8 +186,10 @@ def measure_noise(window: Window, x: FloatArray, z: ComplexArray) -> float:
 
     It is measured beside the pass band, where there is only noise, and limited by the signal in the band.
     """
+    from scipy.signal.windows import blackmanharris  # noqa: PLC0415 - slow to import, and only free decays need it
+
     tail = np.abs(z[-(len(z) // 10 + 1) :])
-    weights = np.cos(np.outer(np.linspace(-np.pi, np.pi, len(window.offsets)), np.arange(4))) @ _BLACKMAN_HARRIS
+    weights = np.asarray(blackmanharris(len(window.offsets)), dtype=np.float64)
     weights *= np.sqrt(np.sum(window.weights**2) / np.sum(weights**2))  # equal noise power
     beside = Window(window.offsets, weights, window.omega_0 + _BESIDE * RAD_S_PER_HZ / window.length)
     floor = np.abs(beside.analytic(x[-(len(tail) + len(weights)) :]))
