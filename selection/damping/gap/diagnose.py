@@ -30,6 +30,7 @@ from damping.gap.where import (
     LocalEstimate,
     PowerTrend,
     ResidualCell,
+    describe_resonances,
     footprint_cells,
     local_estimates,
     residual_cells,
@@ -230,6 +231,7 @@ def diagnose(
     held_out = size.hold_levels_out(known, explained.search, leading.best, progress)
     gap = size.measure_gap(leading.best)
     apart = scatter.describe_repeatability(known, leading.best)
+    local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), explained.mode)
     doubts = [
         *apart,
         *scatter.describe_scatter(known, leading.best),
@@ -238,9 +240,9 @@ def diagnose(
         *chain.from_iterable(readings.describe_rounding(own) for own in (record, *(state for state, _ in states))),
         *list_ends(leading.best),
         *list_ambiguities(leading.best),
+        *describe_resonances(leading.best, local),
         *size.describe_held_out(leading, gap, held_out),
     ]
-    local = local_estimates(known.problem.rows.where(known.problem.rows.state == 0.0), explained.mode)
     return Diagnosis(
         **(vars(explained) | {"cautions": (*explained.cautions, *doubts)}),
         explanations=weighing.cover_probability(hypotheses),

@@ -17,11 +17,14 @@ from itertools import chain
 import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray, wrap_lag
+from damping.effects.contract import Drive
+from damping.effects.terms import complex_stiffness
 from damping.gap.fit import ModelFit
 from damping.gap.model import steady
 from damping.gap.rows import PhasorRows
 from damping.gap.size import fitted_terms, nominal_residuals, regular_values
 from damping.records.mode import Mode
+from damping.records.text import per_cent
 
 #: Cells of a sweep, and the fewest rows of a cell.
 MOST_CELLS = 8
@@ -33,6 +36,11 @@ BANDS = 4  #: bands of amplitude in every sweep
 FEW = 6  #: with fewer values only power 1 is tried
 #: Standard deviations from the median beyond which a value is left out of a local mean: one in 16 000 by chance.
 FAR = 4.0
+#: Least share of the chi-square of a constant that a power of amplitude removes where a trend is reported: half.
+TREND_FITS = 0.5
+#: Chi-square (2 degrees of freedom: power and size) above which a trend is reported: one in a thousand by chance.
+TREND_SEEN = 13.8
+LEAST_MOVE = 5e-5  #: relative change of a resonance that no test reads
 POWERS = np.array([-1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])  #: powers of amplitude that are tried
 
 
@@ -139,6 +147,16 @@ class PowerTrend:
     change: float  #: of the estimate from the smallest to the largest amplitude
     share: float = 1.0  #: gain over the chi-square of a constant
 
+    @property
+    def seen(self) -> bool:
+        """Whether the estimates change with amplitude beyond noise."""
+        return self.gain > TREND_SEEN
+
+    @property
+    def fits(self) -> bool:
+        """Whether the power is most of that change."""
+        return self.share >= TREND_FITS
+
 
 def local_estimates(rows: PhasorRows, mode: Mode) -> tuple[LocalEstimate, ...]:
     """Estimates by sweep and amplitude band, smallest amplitude first within a sweep; none without phases.
@@ -201,3 +219,42 @@ def trend_of(local: Sequence[LocalEstimate], quantity: str) -> PowerTrend | None
     """Trend of local estimates of a quantity with amplitude."""
     columns = ("amplitude", quantity, f"{quantity}_sd")
     return trend(*(np.array([getattr(estimate, column) for estimate in local]) for column in columns))
+
+
+def trace_local(fit: ModelFit, A: FloatArray) -> FloatArray:
+    """Natural frequency (Hz) and damping ratio (2, n) of the first plane of a fit at amplitudes (n,)."""
+    terms = fitted_terms(fit, deviations=False)
+    M, omega_n = float(np.ravel(terms.M)[0]), float(np.ravel(terms.omega_n)[0])
+    drive = Drive(np.ones(len(A)), np.full(len(A), omega_n))
+    Z = complex_stiffness(terms._replace(M=M, omega_n=omega_n, beside=(), damped=()), A, drive)[0][0]
+    frequency = np.sqrt(np.maximum(Z.real / M + omega_n**2, 0.0)) / RAD_S_PER_HZ
+    return np.array([frequency, Z.imag / (2.0 * M * omega_n**2)])
+
+
+def describe_resonances(leading: ModelFit, local: Sequence[LocalEstimate]) -> list[str]:
+    """Caution: measured resonance frequencies move with amplitude as the explanation does not.
+
+    Rows at phase resonance are compared by the balance of force and damping; their frequencies are not in the fit.
+    """
+    if not leading.model.problem.rows.at_resonance or len(local) < 3:
+        return []
+    A, measured, sd = np.array([(each.amplitude, each.frequency, each.frequency_sd) for each in local]).T
+    predicted = trace_local(leading, A)[0]
+    rest = trend(A, measured / predicted, sd / predicted)
+    if rest is None or not (rest.seen and rest.fits):
+        return []
+    smallest, largest = int(np.argmin(A)), int(np.argmax(A))
+    of_model = float(predicted[largest] / predicted[smallest] - 1.0)
+    of_rows = of_model + rest.change
+    other = abs(of_rows) > abs(of_model) and of_rows * of_model >= 0.0
+    doubt = "something else changes the stiffness too" if other else "its change of stiffness is not the measured one"
+    return [
+        f"from the smallest amplitude to the largest the resonance {_describe_move(of_rows)}, but with the leading "
+        f"explanation it {_describe_move(of_model)}: {doubt}"
+    ]
+
+
+def _describe_move(change: float) -> str:
+    """A relative change of frequency in words."""
+    size = f"{per_cent(100.0 * abs(change))} %"
+    return "stays" if abs(change) < LEAST_MOVE else f"{'rises' if change > 0.0 else 'falls'} by {size}"

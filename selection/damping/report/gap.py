@@ -20,10 +20,6 @@ from damping.records.mode import Units
 from damping.records.text import Disagreement, per_cent
 from damping.report.page import Block, List, Text, write_sections
 
-#: Least share of the chi-square of a constant that a power of amplitude removes where a trend is reported: half.
-TREND_FITS = 0.5
-#: Chi-square (2 degrees of freedom: power and size) above which a trend is reported: one in a thousand by chance.
-TREND_SEEN = 13.8
 #: Probability that the library holds the cause below which no sizes are reported: they are of absent effects.
 SIZED = 0.1
 _DIGITS = (3, 8)  #: fewest and most significant digits of a size
@@ -51,8 +47,6 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
         "sizes": _list_sizes(diagnosis) if diagnosis.in_library >= SIZED else [],
         "top": diagnosis.where[0],
         "trends": [(what, trend) for what, trend in trends if trend is not None],
-        "trend_seen": TREND_SEEN,
-        "trend_fits": TREND_FITS,
         "test": next(iter(diagnosis.next_tests), None),
         "drive": diagnosis.units.drive,
         "settles": diagnosis.next_test is not None,

@@ -14,8 +14,7 @@ from scipy.special import ndtri
 
 from damping import report as words
 from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray, wrap_lag
-from damping.effects.contract import Drive, Terms
-from damping.effects.terms import complex_stiffness
+from damping.effects.contract import Terms
 from damping.gap.corrected import EffectPosterior, describe_effects, refitted_values
 from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import free_form
@@ -23,7 +22,7 @@ from damping.gap.fit import ModelFit
 from damping.gap.model import Model, deviated, steady
 from damping.gap.rows import PhasorRows
 from damping.gap.size import HeldOutFold, fitted_terms, nominal_residuals, refitted, regular_values
-from damping.gap.where import by_quantity, footprint
+from damping.gap.where import by_quantity, footprint, trace_local
 from damping.records.mode import Units
 from damping.records.text import Disagreement
 from damping.report.gap import (
@@ -255,26 +254,16 @@ def _tabulate_local_curves(leading: ModelFit, rows: PhasorRows) -> pd.DataFrame:
     A = np.geomspace(rows.A.min(), rows.A.max(), 80)
     tables = []
     for name, fit in (("refitted", refitted(leading)), ("explained", leading))[: 1 + bool(leading.model.parts)]:
-        frequency, damping = _trace_local(fit, A)
+        frequency, damping = trace_local(fit, A)
         tables.append(pd.DataFrame({"model": name, "amplitude": A, "frequency": frequency, "damping": damping}))
     if not rows.at_resonance:
         tables.append(_tabulate_free_curves(leading))
     return pd.concat(tables, ignore_index=True)
 
 
-def _trace_local(fit: ModelFit, A: FloatArray) -> FloatArray:
-    """Natural frequency (Hz) and damping ratio (2, n) of the first plane at amplitudes (n,)."""
-    terms = fitted_terms(fit, deviations=False)
-    M, omega_n = float(np.ravel(terms.M)[0]), float(np.ravel(terms.omega_n)[0])
-    drive = Drive(np.ones(len(A)), np.full(len(A), omega_n))
-    Z = complex_stiffness(terms._replace(M=M, omega_n=omega_n, beside=(), damped=()), A, drive)[0][0]
-    frequency = np.sqrt(np.maximum(Z.real / M + omega_n**2, 0.0)) / RAD_S_PER_HZ
-    return np.array([frequency, Z.imag / (2.0 * M * omega_n**2)])
-
-
 def _tabulate_free_curves(leading: ModelFit) -> pd.DataFrame:
     """The curves of free form beside the explanation, with their 90 per cent limits."""
-    free = free_form(leading, _trace_local)
+    free = free_form(leading, trace_local)
     curves = {"amplitude": free.A}
     for name in ("frequency", "damping"):
         middle, reach = getattr(free, name), float(ndtri(0.95)) * getattr(free, f"{name}_sd")
