@@ -46,10 +46,7 @@ def render_scores(figures: Sequence[Figure], cases: Sequence[Verdict], seed: int
     }
     drawn = {
         "table": (draw_table(figures), "Goals and measured values with 95 % intervals"),
-        "confusion": (
-            draw_confusion(matrix),
-            "True effect (rows) against answer (columns), cases",
-        ),
+        "confusion": (draw_confusion(matrix), "True effect (rows) against answer (columns), cases"),
     }
     parts: dict[str, Block] = {
         "rows": Table(tabulate_blind_rows(table)),
