@@ -23,6 +23,11 @@ def swept(levels: int, *close: tuple[float, float], half_widths: float = 8.0) ->
     for apart, share in ((0.0, 1.0), *close):
         own = OMEGA_N * (1.0 + ZETA * apart)
         compliance += share / (M * (own**2 - omega**2 + 2j * ZETA * own * omega))
+    return measured(omega, compliance, levels)
+
+
+def measured(omega: np.ndarray, compliance: np.ndarray, levels: int) -> pd.DataFrame:
+    """Sweeps at forces 1, 2... of a linear structure, with noise."""
     rng, tables = np.random.default_rng(4), []
     for level in range(1, levels + 1):
         phasor = level * compliance * np.exp(NOISE * rng.standard_normal(len(omega)))
@@ -32,9 +37,9 @@ def swept(levels: int, *close: tuple[float, float], half_widths: float = 8.0) ->
     return pd.concat(tables, ignore_index=True)
 
 
-def audited(table: pd.DataFrame) -> Audit:
+def audited(table: pd.DataFrame, frequency: float = HERTZ) -> Audit:
     c = 2.0 * ZETA * M * OMEGA_N
-    mode = Mode(name="own", frequency=HERTZ, mass=M, damping={"viscous": {"coefficient": c}}, source="own.toml")
+    mode = Mode(name="own", frequency=frequency, mass=M, damping={"viscous": {"coefficient": c}}, source="own.toml")
     return audit(Record(table, "own.csv"), mode)
 
 
@@ -87,6 +92,42 @@ def test_two_modes_and_a_constant_are_fitted_exactly():
     one = np.ones(len(omega))
     run = Run("A", np.arange(len(omega)), one, omega, np.abs(compliance), -np.angle(compliance), 0.0 * one)
     assert measure_miss_of_two(run) < 1e-8  # of a system of equations with a condition of some 1e6
+
+
+def split(share: float, ratio: float, rows: int) -> pd.DataFrame:
+    """The mode with a part of that ``share`` of its mass on a spring, at ``ratio`` times its frequency."""
+    omega = OMEGA_N * np.linspace(0.8, 1.2, rows)
+    m, w = share * M, ratio * OMEGA_N
+    spring = m * (w**2 + 0.01j * w * omega)
+    own = M * (OMEGA_N**2 - omega**2 + 2j * ZETA * OMEGA_N * omega)
+    return measured(omega, 1.0 / (own + spring - spring**2 / (spring - m * omega**2)), 2)
+
+
+@pytest.mark.parametrize("rows", [41, 61])
+@pytest.mark.parametrize(("share", "ratio"), [(0.02, 1.0), (0.05, 0.96), (0.05, 1.03), (0.09, 0.98)])
+def test_a_mode_split_by_a_tuned_part_is_diagnosed_and_not_ranked(share, ratio, rows):
+    found = audited(split(share, ratio, rows))
+    assert [(own.check, own.verdict) for own in found.findings] == [("several-modes", "refuse")]
+    assert found.require(diagnosed=True) is found
+    with pytest.raises(Refused, match="several-modes"):
+        found.require()
+
+
+def test_a_split_mode_without_phases_is_not_diagnosed_either():
+    """Amplitudes alone do not tell an antiresonance from a saddle between two modes that respond oppositely."""
+    with pytest.raises(Refused, match="--despite several-modes"):
+        audited(split(0.05, 1.0, 41).drop(columns="phase")).require(diagnosed=True)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 0.99, 1.07, 1.15])
+@pytest.mark.parametrize("share", [1.0, -1.0, 3.0])
+def test_two_separate_modes_are_not_diagnosed_as_one(share, ratio):
+    """Modes at 10 and 11.5 Hz, the mode file at one or between them: both imply half the mass, none or a quarter."""
+    omega = OMEGA_N * np.linspace(0.9, 1.25, 61)
+    each = ((OMEGA_N, 1.0), (1.15 * OMEGA_N, share))
+    compliance = sum(part / (M * (own**2 - omega**2 + 2j * ZETA * own * omega)) for own, part in each)
+    with pytest.raises(Refused, match="several-modes"):
+        audited(measured(omega, compliance, 2), ratio * HERTZ).require(diagnosed=True)
 
 
 def with_factors(table: pd.DataFrame, factors: dict[str, float]) -> pd.DataFrame:

@@ -7,11 +7,11 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
 from damping.records.implied import INCOHERENT, NEAR, SMOOTH
-from damping.records.other_modes import is_of_other_modes
+from damping.records.other_modes import is_of_other_modes, is_split
 from damping.records.outliers import WILD
 from damping.records.resonance import find_jump
 from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_run_peaks, order_rows
-from damping.records.view import MOST_NAMED, Finding, View, label_sweeps, name_sweeps, take_median
+from damping.records.view import MOST_NAMED, Finding, NamedFinding, View, label_sweeps, name_sweeps, take_median
 
 
 def check_noise(view: View) -> Finding | None:
@@ -135,7 +135,7 @@ def _find_further_peaks(view: View) -> list[tuple[Run, FloatArray]]:
 
 
 def check_several_modes(view: View) -> Finding | None:
-    """More than one resonance in the range."""
+    """More than one resonance in the range; of a mode that a tuned part splits, a diagnosis names the second mode."""
     further = _find_further_peaks(view)
     if not further:
         return None
@@ -144,13 +144,13 @@ def check_several_modes(view: View) -> Finding | None:
     most = len(further) >= 0.5 * len(view.record.sweeps)
     what = f"{len(peaks)} resonances in sweep {run.sweep}: at {', '.join(f'{p:.4g}' for p in peaks[:6])} Hz"
     advice = "keep the rows of one mode only" if apart else "is it two close modes, or one in two planes? see gap"
-    if apart and view.mode is not None and peaks.min() * SPLIT < view.mode.frequency < peaks.max() / SPLIT:
-        advice = (
-            f"the mode file's {view.mode.frequency:.4g} Hz lies between them: if a part tuned to it splits the mode "
-            "(an absorber, a fluid), or the force drops, cut nothing; damping gap with --despite several-modes decides"
-        )
-    sweeps = label_sweeps(run for run, _ in further)
-    return Finding("several-modes", "refuse" if apart and most else "caution", what, advice, sweeps)
+    sweeps, kind, mode = label_sweeps(run for run, _ in further), Finding, view.mode
+    if apart and mode is not None and peaks.min() * SPLIT < mode.frequency < peaks.max() / SPLIT:
+        split = sum(len(p) == 2 and is_split(own, view.stated_mass, mode.omega_n) for own, p in further)
+        kind, by = (NamedFinding, "") if 2 * split > len(further) else (Finding, " with --despite several-modes")
+        advice = f"the mode file's {mode.frequency:.4g} Hz lies between them: if a part tuned to it splits the mode "
+        advice += f"(an absorber, a fluid), or the force drops, cut nothing; damping gap{by} decides"
+    return kind("several-modes", "refuse" if apart and most else "caution", what, advice, sweeps)
 
 
 #: Sweep rate (df/dt)/(2 zeta f)^2, bandwidths swept in the reciprocal of the bandwidth, beyond which a sweep is not a
