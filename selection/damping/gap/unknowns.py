@@ -191,7 +191,8 @@ def list_evidences(fit: ModelFit, unknown: Unknowns, wild: bool = True) -> Float
 
     Without ``wild`` points every value counts in full, since a point that is wild at one noise is regular at another.
     The factor on the noise is of amplitudes and phases alone: further channels leave less than their noise, most of
-    which is a share of the phasor that the model may not predict (``FURTHER_ERROR``). Errors e along a sweep of correlation rho are independent as (e_i - rho e_(i-1))/sqrt(1 - rho^2).
+    which is a share of the phasor that the model may not predict (``FURTHER_ERROR``). Errors e along a sweep of
+    correlation rho are independent as (e_i - rho e_(i-1))/sqrt(1 - rho^2).
     """
     k, sweeps = fit.model.size, fit.model.sweeps
     scale = _scales(fit.model.scatter, k, sweeps)
