@@ -6,6 +6,7 @@ their parent.
 
 import ctypes
 import gc
+import logging
 import multiprocessing
 import os
 import sys
@@ -17,6 +18,9 @@ from pathlib import Path
 
 import damping  # noqa: F401 - before numpy: it keeps the linear algebra to one thread
 from damping.errors import InputError
+
+# a failed command says one line: matplotlib adds two about its cache where the home folder is read-only
+logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 #: Whether progress is kept to oneself: ``damping --quiet``.
 QUIET: ContextVar[bool] = ContextVar("quiet", default=False)

@@ -19,6 +19,7 @@ from damping.records.mode import Units
 from damping.report.page import Block, Footer, Table, render_page, write_sections
 from damping_pipelines.forms import StudyForm, StudyRecordForm
 from damping_pipelines.manifest import Manifest
+from damping_pipelines.terminal import number_with_error
 
 DECIDES = 3.0  #: odds from which on one law or several is said
 _AMPLITUDES = ["median", "low", "high", "linear"]  #: columns of predictions that hold amplitudes
@@ -119,13 +120,7 @@ def _tabulate_records(studies: Sequence[StudySummary]) -> Table:
         | _describe_top(record.form)
         | {
             "law and weight": f"{record.best[0]} {report.format_share(record.best[1])}",
-            "p": next(
-                (
-                    f"{law.p:.2f}" + (f" ± {law.std_error:.2f}" if law.std_error is not None else "")
-                    for law in record.form.power_laws
-                ),
-                report.NOTHING,
-            ),
+            "p": next((number_with_error(law.p, law.std_error) for law in record.form.power_laws), report.NOTHING),
         }
         for study in studies
         for record in study.records.values()
@@ -195,17 +190,26 @@ def _tabulate_shapes(names: Sequence[str], shapes: Mapping[str, SharedShape]) ->
 
 
 def _list_differences(studies: Sequence[StudySummary]) -> list[str]:
-    """Differences other than the data, by name. A file under a name of its own is the same where its content is."""
+    """Differences other than the data, by name. A file under a name of its own is the same where its content is.
+
+    Inputs are compared where a record is in several studies: those of different records differ as a matter of course.
+    """
     differences = []
     manifests = [study.manifest for study in studies]
     versions = [{name: f"{name} {version}" for name, version in own.versions.items()} for own in manifests]
-    for what, tables in (("input", [own.inputs for own in manifests]), ("version", versions)):
+    inputs = [own.inputs for own in manifests] if _share_records(studies) else []
+    for what, tables in (("input", inputs), ("version", versions)):
         pairs = [pair for table in tables for pair in table.items()]
         other = [n for n, value in pairs for own in tables if own.get(n, value) != value or value not in own.values()]
         if other:
             differences.append(f"Not the same {what} in every study: {report.format_joined(dict.fromkeys(other))}.")
     other = [what for what in ("seed", "level") if len({getattr(study.form, what) for study in studies}) > 1]
     return [*differences, *(f"Not the same {what} in every study." for what in other)]
+
+
+def _share_records(studies: Sequence[StudySummary]) -> bool:
+    """Whether some record is in several studies."""
+    return len({name for study in studies for name in study.records}) < sum(len(study.records) for study in studies)
 
 
 def _describe_record(name: str, having: Sequence[StudySummary], studies: Sequence[StudySummary]) -> dict[str, Any]:

@@ -5,6 +5,8 @@ import sys
 import time
 from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import as_completed
+from contextlib import redirect_stdout
+from functools import wraps
 from itertools import chain
 from pathlib import Path
 from textwrap import wrap
@@ -15,7 +17,7 @@ from damping.errors import AnalysisError, DampingError, InputError, escape_contr
 from damping.gap.simulation import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
-from damping.records.text import DEFAULT_MAX_SIZE
+from damping.records.text import DEFAULT_MAX_SIZE, count
 from damping.report import format_joined
 from damping.result import DiagnosisResult
 from damping_pipelines import start_pool
@@ -50,7 +52,7 @@ def gap(
     """
     if len(records) != len(states) + bool(records):
         expected = "MODEL.toml RECORD.csv, also after --with"
-        raise InputError(f"{len(records)} records for {1 + len(states)} models", expected=expected)
+        raise InputError(f"{count(len(records), 'record')} for {count(1 + len(states), 'model')}", expected=expected)
     files = {"--model-out": model_out, "--report": report, "--plot": plot}
     if not records:
         answers = _check_folder(model, json_out, {**files, "--simulator": simulator, "--posterior": posterior or None})
@@ -153,6 +155,7 @@ def _check_folder(model: Path, json_out: str | None, of_one_record: Mapping[str,
 def import_simulator(name: str) -> Simulate:
     """The function of ``MODULE:FUNCTION``, with the working folder searched first.
 
+    What it or its module prints goes to standard error: standard output is for the answer.
     InputError: a module or function that does not exist or cannot be loaded.
     """
     module, _, function = name.partition(":")
@@ -160,14 +163,20 @@ def import_simulator(name: str) -> Simulate:
         raise InputError(f"--simulator {name!r}", expected="MODULE:FUNCTION")
     sys.path.insert(0, str(Path.cwd()))
     try:
-        named = getattr(importlib.import_module(module), function, None)
+        with redirect_stdout(sys.stderr):
+            named = getattr(importlib.import_module(module), function, None)
     except (Exception, SystemExit) as error:
         raise InputError(f"--simulator: {error!r}", expected="a module in the working folder or installed") from None
     finally:
         sys.path.pop(0)
     if not callable(named):
         raise InputError(f"--simulator: {module} has no function {function}", expected="MODULE:FUNCTION")
-    simulate: Simulate = named
+
+    @wraps(named)
+    def simulate(*args: Any, **parameters: Any) -> Any:
+        with redirect_stdout(sys.stderr):
+            return named(*args, **parameters)
+
     return simulate
 
 

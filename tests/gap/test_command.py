@@ -260,6 +260,33 @@ def test_an_analysis_that_cannot_be_done(damping, case, tmp_path):
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own-simulation"
 
 
+def test_prints_of_a_simulator_are_no_part_of_the_answer(damping, tmp_path, monkeypatch):
+    """Standard output holds the form alone; a simulator that reports its calls must not break who reads it."""
+    monkeypatch.chdir(EXAMPLE)
+    loud = """import two_beams
+
+print("loaded")
+
+
+def frame(force, frequency, *, joint=(2500.0, 0.1)):
+    print("called")
+    return two_beams.frame(force, frequency, bending=140.0, joint=joint, loss=0.02)
+"""
+    (tmp_path / "loud.py").write_text(loud)
+    monkeypatch.syspath_prepend(tmp_path)
+    words = ("model.toml", "record.csv", "--simulator", "loud:frame", "--no-posterior", "--json", "-")
+    done = damping("gap", *words)
+    assert done.code == 0
+    form = json.loads(done.out)
+    assert {"loaded", "called"} <= set(done.err.splitlines())
+    # one free parameter; what a mode file states beside it is held, and both ends of its interval are the value
+    simulated, intervals = form["parameters"]["simulation"], form["intervals"]["simulation"]
+    assert simulated.keys() == intervals.keys()
+    assert intervals["frequency"] == [simulated["frequency"]] * 2
+    low, high = intervals["joint"]
+    assert low < simulated["joint"] < high
+
+
 def test_a_simulation_of_the_users_own_is_the_baseline(damping, tmp_path, monkeypatch):
     monkeypatch.chdir(EXAMPLE)
     out = tmp_path / "answer.json"
@@ -296,7 +323,7 @@ def test_a_simulation_of_the_users_own_is_the_baseline(damping, tmp_path, monkey
 def test_a_state_without_its_record(damping, case):
     done = damping("gap", case / "model.toml", case / "data.csv", "--with", case / "model.toml")
     assert done.code == 2
-    assert "records for 2 models" in done.err
+    assert "1 record for 2 models" in done.err
 
 
 def test_files_of_one_name_are_told_apart_on_the_page(lab, tmp_path, monkeypatch, damping):

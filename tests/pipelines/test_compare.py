@@ -176,6 +176,20 @@ def test_inputs_are_the_same_where_their_contents_are(tmp_path, damping, name, c
     assert (found and found[0]) == said
 
 
+def test_studies_of_different_records_differ_by_no_input(tmp_path, damping):
+    """Their files are different data, not different settings of the same; an exponent has the digits of its error."""
+    laws = [{"form": "velocity-power", "p": 1.4712, "std_error": 0.0012}]
+    other = summary(2.2, power_laws=laws, name="tail")
+    one, two = study(tmp_path / "a", summary()), study(tmp_path / "b", other, 1.5, "1", "tail.csv")
+    assert damping("compare", one, two, "--out", tmp_path / "page.html").code == 0
+    html = (tmp_path / "page.html").read_text()
+    text = Page(html).text
+    assert "No record is in every study" in text
+    assert "Not the same input" not in text
+    exponents = [row[-1] for row in rows_of(html, "Every record")]
+    assert exponents == ["1.65 ± 0.10", "1.4712 ± 0.0012"]
+
+
 def test_bands_are_said_to_have_the_level_of_their_study(tmp_path, damping):
     folders = study(tmp_path / "one", summary() | {"level": 0.8}), study(tmp_path / "two", summary(2.2), 1.5, "1")
     damping("compare", *folders, "--out", tmp_path / "page.html")

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shlex
+import subprocess
+import sys
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -230,3 +233,12 @@ def test_progress_of_unknown_length_goes_on_and_ends_whole():
             report("a further fit")
         assert 95 < sum(shown) < 100
     assert sum(shown) == 100
+
+
+def test_a_home_folder_that_cannot_be_written_adds_no_line(tmp_path):
+    """A failed command says one line on standard error; matplotlib would report its cache on two more."""
+    (tmp_path / "file").touch()  # no folder, so that even root cannot make one in it
+    words = (sys.executable, "-c", "import damping_pipelines, matplotlib; matplotlib.get_cachedir()")
+    environment = {**os.environ, "MPLCONFIGDIR": str(tmp_path / "file" / "cache")}
+    run = subprocess.run(words, env=environment, capture_output=True, text=True, check=True)
+    assert run.stderr == ""

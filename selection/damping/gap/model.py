@@ -49,9 +49,9 @@ class Scatter:
 
     amplitude: float
     frequency: float
-    noise: float = 1.0  #: actual over estimated noise
+    noise: float = 1.0  #: actual over estimated noise of amplitudes and phases
     dispersion: float = 1.0  #: residuals of even the best explanation over noise
-    correlation: float = 0.0  #: of the errors of neighbouring rows
+    correlation: float = 0.0  #: of the errors of neighbouring rows, of amplitudes and phases likewise
 
     @property
     def factor(self) -> float:
@@ -227,7 +227,7 @@ def _further(terms: Terms, rows: PhasorRows, u: FloatArray, phase: FloatArray, s
             misfit = recorded_third(terms, u, phase, rows.drive) - rows.third
         else:
             misfit = _cross(terms, rows, np.exp(u - terms.gain), phase)
-        misfit = misfit / (getattr(rows, f"sd_{channel}") * scatter.factor)
+        misfit = misfit / (getattr(rows, f"sd_{channel}") * scatter.dispersion)
         parts += [misfit.real, misfit.imag]
     return parts
 

@@ -141,8 +141,11 @@ def describe_noise(setting: Setting, fit: ModelFit, scatter: RowScatter | None =
     """The caution where rows scatter more than stated, or where a fit leaves less than noise."""
     if scatter is not None:
         return [f"the {scatter}: is the stated noise right?"]
-    rms = root_mean_square(fit, regular_values(fit)) * np.sqrt(fit.measured.size / fit.freedom)
-    if setting.problem.rows.at_resonance or rms * (1.0 + np.sqrt(2.0 / fit.freedom)) > _QUIET:
+    rows = setting.problem.rows
+    # further channels leave less than their noise by design, see `damping.gap.unknowns.FURTHER_ERROR`
+    regular = regular_values(fit) & (np.arange(len(fit.r)) < rows.values_of_mode)
+    rms = root_mean_square(fit, regular) * np.sqrt(fit.measured.size / fit.freedom)
+    if rows.at_resonance or rms * (1.0 + np.sqrt(2.0 / fit.freedom)) > _QUIET:
         return []
     how = "stated" if setting.noise_known else "estimated"
     return [f"the {how} noise is too large: rows scatter by {rms:.2g} of it, and effects below it are hidden"]

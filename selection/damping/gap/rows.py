@@ -97,6 +97,11 @@ class PhasorRows(SweepRows):
         parts += [getattr(self, f"sd_{channel}") for channel in self.channels for _ in range(2)]
         return np.concatenate(parts) < UNSEEN
 
+    @property
+    def values_of_mode(self) -> int:
+        """Number of amplitudes and phases, which come first among the residuals; further channels follow."""
+        return len(self) * (1 + self.has_phase)
+
     @cached_property
     def sweep_of_values(self) -> IntArray:
         """Number of the sweep of each residual: amplitudes, then phases and phasors of other channels, if any."""
@@ -104,10 +109,14 @@ class PhasorRows(SweepRows):
 
     @cached_property
     def follows(self) -> BoolArray:
-        """Whether each residual and the one before it are of one quantity at neighbours of one sweep, both measured."""
+        """Whether each residual and the one before it are of one quantity at neighbours of one sweep, both measured.
+
+        Of amplitudes and phases: residuals of further channels are mostly what is not predicted, and so always smooth.
+        """
         sweep, seen = self.sweep_of_values, self.seen
         follows = np.concatenate([[False], (sweep[1:] == sweep[:-1]) & seen[1:] & seen[:-1]])
         follows[:: len(self)] = False
+        follows[self.values_of_mode :] = False
         return follows
 
     def places(self, channel: str) -> slice:

@@ -190,7 +190,9 @@ def list_evidences(fit: ModelFit, unknown: Unknowns, wild: bool = True) -> Float
     """ln evidence of the model of a fit with each scatter, correlation and noise, in the shape of their prior.
 
     Without ``wild`` points every value counts in full, since a point that is wild at one noise is regular at another.
-    Errors e along a sweep of correlation rho are independent as (e_i - rho e_(i-1))/sqrt(1 - rho^2).
+    The factor on the noise is of amplitudes and phases alone: further channels leave less than their noise, most of
+    which is a share of the phasor that the model may not predict (``FURTHER_ERROR``). Errors e along a sweep of
+    correlation rho are independent as (e_i - rho e_(i-1))/sqrt(1 - rho^2).
     """
     k, sweeps = fit.model.size, fit.model.sweeps
     scale = _scales(fit.model.scatter, k, sweeps)
@@ -200,13 +202,22 @@ def list_evidences(fit: ModelFit, unknown: Unknowns, wild: bool = True) -> Float
     J = fit.J / scale * root[:, np.newaxis]
     start = fit.r * root - J @ (fit.y * scale)  # residuals at x = 0, b = 0
     precision = (fit.model.scatter.noise / np.array(unknown.noises)) ** 2
-    regular = float(np.sum(weights[fit.model.problem.rows.seen] > WILD_WEIGHT))
+    rows, own = fit.model.problem.rows, fit.model.problem.rows.values_of_mode
+    regular = float(np.sum(weights[:own][rows.seen[:own]] > WILD_WEIGHT))
     robust = float(log_likelihood(fit.r)) + 0.5 * float(weights @ fit.r**2) if wild else 0.0
     base = robust + 0.5 * regular * np.log(precision) - regular * np.log(fit.model.scatter.noise)
     of_correlations = []
     for rho in unknown.correlations:
         white, log_det = decorrelate(np.column_stack([J, start]), fit.model, rho)
-        of_correlations.append(base + log_det + _integrate(white.T @ white, sweeps, unknown.scatters, precision))
+        products, further = (part.T @ part for part in (white[:own], white[own:]))
+        if rows.channels:
+            at_noises = [
+                _integrate(p * products + further, sweeps, unknown.scatters, np.ones(1))[:, 0] for p in precision
+            ]
+            integrals = np.stack(at_noises, axis=1)
+        else:
+            integrals = _integrate(products, sweeps, unknown.scatters, precision)
+        of_correlations.append(base + log_det + integrals)
     return np.stack(of_correlations, axis=1)
 
 

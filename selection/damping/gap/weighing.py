@@ -134,7 +134,7 @@ def _list_residuals(fit: ModelFit, rows: PhasorRows) -> FloatArray:
 
 def _list_thirds(fit: ModelFit, rows: PhasorRows) -> FloatArray:
     """Measured third harmonics (2 n,), real parts first, in units of their noise as a fit takes it."""
-    noise = fit.model.scatter.factor * rows.sd_third
+    noise = fit.model.scatter.dispersion * rows.sd_third
     return np.concatenate([rows.third.real / noise, rows.third.imag / noise])
 
 

@@ -219,7 +219,8 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
     from damping.gap.readings import list_far_readings  # noqa: PLC0415 - for a gap alone
 
     leading, held = diagnosis.leading, diagnosis.held_out
-    parameters = describe_effects(leading.best)[0]
+    parameters = describe_effects(leading.best)[0] | {"simulation": refitted_values(leading.best)}
+    free = effect_intervals(leading.best)
     stray = {"set_aside": not leading.best.many_wild}
     far = [asdict(reading) | stray for reading in list_far_readings(leading.best)]
     scheme = "one force level: nothing can be held out" if held is None else held.scheme
@@ -237,11 +238,11 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
         "where": [asdict(cell) for cell in diagnosis.where],
         "footprint": [asdict(cell) for cell in diagnosis.footprint],
         "gap": {**asdict(diagnosis.gap), "held_out": held_out},
-        "parameters": parameters | {"simulation": refitted_values(leading.best)},
+        "parameters": parameters,
         "places": name_places(leading),
         "intervals": {
-            effect: {name: list(interval) for name, interval in values.items()}
-            for effect, values in effect_intervals(leading.best).items()
+            effect: {name: list(free[effect].get(name, (value, value))) for name, value in values.items()}
+            for effect, values in parameters.items()
         },
         "next_test": _tell_test(diagnosis.next_test) if diagnosis.next_test else None,
         "candidate_tests": [_tell_test(test) for test in diagnosis.next_tests],
