@@ -486,6 +486,6 @@ def test_the_error_of_reading_between_rows_is_no_stated_scatter():
         cases = (sweeps_without_phases(draw, growth) for _ in range(records))
         return [fit_probability(fit_law(law, data), data) for data in cases]
 
-    # at most one in a hundred is rejected: of ten, two or more in .5 % of such tests; the damping ratio stays, or doubles
+    # at most one in a hundred is rejected: of ten, two or more in .5 % of such tests; then the damping ratio doubles
     assert sum(p < 0.01 for p in judge(0.0, 10)) <= 1
     assert all(p < 0.01 for p in judge(1.5, 3))
