@@ -489,3 +489,13 @@ def test_the_error_of_reading_between_rows_is_no_stated_scatter():
     # at most one in a hundred is rejected: of ten, two or more in .5 % of such tests; then the damping ratio doubles
     assert sum(p < 0.01 for p in judge(0.0, 10)) <= 1
     assert all(p < 0.01 for p in judge(1.5, 3))
+
+
+def test_the_noise_of_a_decay_does_not_tell_its_forces():
+    """Linear damping read by peaks whose noise is the same at all amplitudes: friction that slips misses by 26 %."""
+    A = np.exp(-0.08 * np.arange(40.0))
+    force = 2.0 * A * np.exp(0.01 / A * np.random.default_rng(6).standard_normal(40))
+    table = pd.DataFrame({"sweep": [f"{k}" for k in range(40)], "force": force, "frequency": 4.0, "amplitude": A})
+    data = observe(Record(table.assign(time=np.arange(40.0))))
+    ranking = rank_laws(data, laws=[Law(("viscous",)), Law(("coulomb", "slip"))], estimate=brief_evidence)
+    assert ranking.candidates[0].name == "viscous"
