@@ -55,6 +55,17 @@ def test_ratio_is_the_closed_form(viscous, quadratic, peaks):
     assert traced.tested.all()
 
 
+def test_a_tested_amplitude_is_tested_though_no_force_is_known_there(peaks):
+    """The rows reached it, whatever the laws can say of it: a beating decay's rows were called beyond the test."""
+    asked = 0.5 * FORCE
+    data = peaks(asked, FORCE, OMEGA_N)
+    unknown = np.full(len(asked), np.nan)
+    loads = replace(known(unknown, asked), amplitude=np.append(asked, 8.0), cautions=((),) * 4)
+    loads = replace(loads, average=Band("law", 1.0, *([np.full(4, np.nan)] * 5)))
+    traced = trace_loads(loads, backbone_of(asked, OMEGA_N), data)
+    assert traced.tested.tolist() == [True, True, True, False]
+
+
 def test_an_amplitude_without_a_known_frequency_has_no_ratio_and_says_so(peaks):
     """ln A beyond what the backbone's powers of amplitude hold as numbers."""
     A = np.array([1.0, 2.0, 4.0])

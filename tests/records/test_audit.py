@@ -500,6 +500,18 @@ def test_a_base_acceleration_named_in_g_beside_metres_is_doubted(unit, doubts):
     assert sum("names g" in finding.what for finding in audit(Record(table), mode).findings) == doubts
 
 
+@pytest.mark.parametrize("participation", [0.5, 0.8, 1.3, 1.6])
+@pytest.mark.parametrize(("length", "g"), [("m", 9.80665), ("in", 386.089), ("mm", 9806.65)])
+def test_a_base_acceleration_in_g_is_named_whatever_the_participation(length, g, participation):
+    """A participation times g is near other factors too (1.3 g in m/s^2 is 12.7, in for ft), but they fit no unit."""
+    f = np.linspace(23.0, 27.0, 41)
+    q = participation * g / ((2 * np.pi) ** 2 * (625.0 - f**2 + 0.5j * f))
+    table = pd.DataFrame({"sweep": "a", "force": 1.0, "frequency": f, "amplitude": abs(q), "phase": -np.angle(q)})
+    mode = Mode(name="x", frequency=25.0, drive="base", units=Units("N", length, "s"))
+    (found,) = (one for one in audit(Record(table), mode).findings if one.check == "units" and one.verdict == "refuse")
+    assert f"g for {length}/s^2" in found.advice
+
+
 @pytest.mark.parametrize(
     ("column", "value", "said"),
     [

@@ -63,8 +63,13 @@ REFUSED = {
     "empty cell": (HEAD + ROW + "A,1,11,,1\n", ", line 3, column amplitude: empty cell; expected a finite number"),
     "empty phase": (
         HEAD + "A,1,11,1, \n",
-        ", line 2, column phase: empty cell; expected a finite number: leave out the sweep that has none, or the "
+        ", line 2, column phase: empty cell; expected a finite number: leave out the rows that have none, or the "
         "column for all",
+    ),
+    "empty uncertainty": (
+        HEAD.replace("phase", "amplitude_sd") + "A,1,11,1,\n",
+        ", line 2, column amplitude_sd: empty cell; expected a finite number: leave out the rows that have none, or "
+        "the column for all",
     ),
     "no label": (HEAD + ROW + " ,1,11,1,1\n", ", line 3, column sweep: empty cell; expected text"),
     "zero force": (HEAD + "A,0,10,0.5,1\n", ", line 2, column force: 0; expected a force amplitude > 0"),

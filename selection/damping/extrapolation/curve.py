@@ -255,7 +255,7 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
         cautions = tuple(_add_jump(so_far, lowest, omega, ratio) for so_far, omega, ratio in rows)
     unknown = np.isfinite(predicted.median) & ~np.isfinite(zeta)
     cautions = tuple((NO_RATIO, *so_far) if no else so_far for so_far, no in zip(cautions, unknown, strict=True))
-    given, reached = (asked, data.tested_force) if of_force else (amplitude.median, data.A)
+    reached = data.tested_force if of_force else data.A
     low, high = reached.min() * (1.0 - ROUNDING), reached.max() * (1.0 + ROUNDING)
     return Curve(
         level=loads.level,
@@ -263,7 +263,7 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
         force=Interval.known(asked) if of_force else force,
         frequency=widened,
         damping_ratio=Interval(zeta, zeta * np.exp(-down), zeta * np.exp(up)),
-        tested=(given >= low) & (given <= high),
+        tested=(asked >= low) & (asked <= high),
         cautions=cautions,
     )
 

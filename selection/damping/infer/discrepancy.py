@@ -10,7 +10,8 @@ deviation ``sigma`` and correlation length ``LENGTH`` in z, so that ln A departs
 sigma is a parameter times :func:`nonlinearity`: an amplitude that is proportional to force over a test seldom ceases to
 be.
 
-Within the test the discrepancy enters the covariance of the levels, so that laws are weighed and fitted with it.
+Within the test the discrepancy enters the covariance of the levels, so that laws are weighed and fitted with it (of a
+decay, whose forces are noisy, with ln A for z).
 Levels of a decay are judged by ln F at their amplitude, which moves by p g: not at all under constant friction. Beyond
 the test, paths are drawn given the residuals of the levels, and the slope q + delta is held within ``SLOPES``.
 

@@ -197,8 +197,12 @@ def covariance_of_levels(coordinates: Coordinates, data: Observations) -> FloatA
 
 
 def _place_levels(coordinates: Coordinates, data: Observations) -> tuple[tuple[float, ...], float]:
-    """ln F of the levels, and where the discrepancy begins."""
-    return tuple(np.log(data.tested_force)), float(np.log(coordinates.reference[2]))
+    """ln F of the levels, and where the discrepancy begins; ln A where that is the input.
+
+    The forces of a decay are noisy: from ln F itself a discrepancy would tell them all, beside a law of any force.
+    """
+    at, begin = (data.tested_amplitude, 0) if data.amplitude_is_input else (data.tested_force, 2)
+    return tuple(np.log(at)), float(np.log(coordinates.reference[begin]))
 
 
 def scatter_covariance(row: FloatArray, level: FloatArray, data: Observations) -> FloatArray:

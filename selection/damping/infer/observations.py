@@ -43,6 +43,7 @@ class Observations(SweepRows):
     tested_amplitude: FloatArray  #: there, (sweeps,)
     tested_omega: FloatArray  #: there, rad/s, (sweeps,)
     amplitude_is_input: bool = False  #: amplitudes were given and forces follow from them, as in a free decay
+    read_between: bool = False  #: sd_amplitude is the error of reading between rows alone: the record states none
     #: generalized mass that the record gives for each sweep, NaN for those without; None without any
     tested_mass: FloatArray | None = None
     #: known mass added to the structure for each sweep; None where nothing is known
@@ -175,7 +176,8 @@ def observe(record: Record) -> Observations:
 def _read_between(data: Observations, force: FloatArray) -> Observations:
     """One row for each sweep without phases: its resonance, which in a coarse one lies above its largest reading."""
     rise = np.log(data.tested_amplitude / data.tested_force)[data.sweep] - np.log(data.A / force)
-    return at_resonance(replace(data, sd_amplitude=np.hypot(data.sd_amplitude, ERROR_OF_RISE * np.abs(rise))))
+    sd = np.hypot(data.sd_amplitude, ERROR_OF_RISE * np.abs(rise))
+    return at_resonance(replace(data, sd_amplitude=sd, read_between=not data.states_uncertainty))
 
 
 def at_resonance(data: Observations) -> Observations:

@@ -89,6 +89,7 @@ def read_rows(table: pd.DataFrame) -> Observations:
         sweeps=tuple(map(str, of_sweep.index)),
         tested_omega=RAD_S_PER_HZ * of_sweep["tested_frequency"].to_numpy(),
         amplitude_is_input=bool(table["decay"].any()),
+        read_between=False,  # only a verdict of fit asks
         **{field: table[name].to_numpy(float) for name, field in _OF_ROWS.items()},
         **{name: of_sweep[name].to_numpy() for name in _OF_SWEEPS},
     )

@@ -5,9 +5,9 @@ give the p-value, the smaller of both doubled (Bonferroni):
 
 - size: T = n^T V^-1 n against chi-square, averaged over the scatters in V = diag(s^2) + s_l^2 h h^T (predictive check
   of Gelman, Meng and Stern 1996, with the prior of the scatters, since the misfit would inflate a posterior). s is the
-  stated uncertainty, else drawn from the prior. It is at least the noise (up to ``ROUGHEST``) in second differences
-  along the sweeps, which a smooth misfit does not change. Where any uncertainty is stated, the law is also fitted
-  under V, and the larger p-value counts;
+  stated uncertainty, else drawn from the prior beside the error of reading between rows. It is at least the noise (up
+  to ``ROUGHEST``) in second differences along the sweeps, which a smooth misfit does not change. Where any uncertainty
+  is stated, the law is also fitted under V, and the larger p-value counts;
 - runs: the number of runs of one sign along the sweeps (Wald and Wolfowitz 1940), small for a smooth misfit; used only
   for a misfit above a few per cent, which laws of a few terms leave on real structures.
 """
@@ -118,7 +118,8 @@ def _size_probability(fit: BestFit, data: Observations, seed: int) -> float:
     rng = np.random.default_rng(seed)
     row = SCATTER_MEDIAN * np.exp(SCATTER_LOG_SD * rng.standard_normal(DRAWS))
     level = SCATTER_MEDIAN * np.exp(SCATTER_LOG_SD * rng.standard_normal(DRAWS))
-    variance = np.where(known > 0.0, known, row[:, None] ** 2)
+    stated = (known > 0.0) & (not data.read_between)
+    variance = known + np.where(stated, 0.0, row[:, None] ** 2)
     roughness, differences = _measure_roughness(n, data)
     if differences > 0.0:  # scaled inverse chi-square
         rough = np.minimum(roughness**2 * differences / rng.chisquare(differences, DRAWS), ROUGHEST**2)

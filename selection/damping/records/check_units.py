@@ -189,11 +189,12 @@ def check_units(view: View) -> Finding | None:
     implied = participation if base else f"{ratio:.4g} times the mass of the mode file"
     parts = [] if np.isnan(ratio) else [f"the rows imply {implied}"]
     parts.append(f"a damping ratio of {zeta:.3g} would follow")
-    # factor of the mass, else the unit factor that gives the simulated damping ratio, or a typical one
-    factors = FACTORS if base else FACTORS | list_motions(view.mode.frequency)
-    name = (
-        name_factor(ratio, factors) if wrong else name_unit(zeta / (view.mode.viscous_ratio or 0.01), view.mode.units)
-    )
+    # factor of the mass, else the unit factor that gives the simulated damping ratio, or a typical one; a participation
+    # is no mass and near 1 at best: of the units in the mode file, the nearest
+    if wrong and not base:
+        name = name_factor(ratio, FACTORS | list_motions(view.mode.frequency))
+    else:
+        name = name_unit(ratio if wrong else zeta / (view.mode.viscous_ratio or 0.01), view.mode.units)
     advice = "state force, amplitude, mass in one system" + (f": {name}?" if name else "")
     return Finding("units", "refuse", "; ".join(parts), advice, view.record.sweeps)
 

@@ -36,7 +36,7 @@ BLANK_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["cells"]
 #: Expected content of a numeric cell, where it differs for a cell with text, and for an empty cell that must be filled.
 A_NUMBER = "a finite number"
 IN_TEXT = {"time": "a finite number: s since any moment, not a time of day"}
-IN_BLANK = {"phase": "a finite number: leave out the sweep that has none, or the column for all"}
+IN_BLANK = dict.fromkeys(OPTIONAL_COLUMNS, f"{A_NUMBER}: leave out the rows that have none, or the column for all")
 #: Kinds of values that pandas would convert to numbers with another meaning, and what is expected instead.
 NO_NUMBERS = dict.fromkeys(("boolean", "date", "period"), "numbers") | {
     "complex": "real numbers: of a complex response its size in amplitude and the lag of its angle in phase",
