@@ -75,7 +75,10 @@ def written(case, out):
     files = [out / name for name in ("answer.json", "page.html", "corrected.toml")]
     options = zip(("--json", "--report", "--model-out"), files, strict=True)
     words = [word for option in options for word in option]
-    assert limited(LIKE_A_LAG, command, "gap", case / "model.toml", case / "data.csv", *words, "--no-posterior") == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda *_: None)  # see ``no_layout``
+        given = (case / "model.toml", case / "data.csv", *words, "--no-posterior")
+        assert limited(LIKE_A_LAG, command, "gap", *given) == 0
     return files
 
 
@@ -260,12 +263,12 @@ def test_an_analysis_that_cannot_be_done(damping, case, tmp_path):
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own-simulation"
 
 
-def test_a_simulation_of_the_users_own_is_the_baseline(damping, tmp_path, monkeypatch):
+def test_a_simulation_of_the_users_own_is_the_baseline(damping, tmp_path, monkeypatch, among):
     monkeypatch.chdir(EXAMPLE)
     out = tmp_path / "answer.json"
     words = ("model.toml", "record.csv", "--simulator", "two_beams:frame", "--no-posterior", "--json", out)
     corrected = tmp_path / "corrected.toml"
-    assert damping("gap", *words, "--model-out", corrected).code == 0
+    assert limited(among("coulomb-friction", "slip"), damping, "gap", *words, "--model-out", corrected).code == 0
     head = corrected.read_text().replace("\n# ", " ")
     assert "`damping sweep` does not reproduce the test: add the effects to the simulator, with bending = " in head
     np.testing.assert_allclose(float(re.search(r"joint = ([0-9.]+)", head).group(1)), 2150.0, rtol=0.05)

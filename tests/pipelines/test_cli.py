@@ -157,7 +157,7 @@ def test_what_commands_print_needs_no_figures(loaded):
     assert not {"matplotlib", "scipy.signal", "scipy.stats"} & loaded[2]
 
 
-@pytest.mark.parametrize("words", [("export",), ("--quiet", "export")])
+@pytest.mark.parametrize("words", [pytest.param(("export",), marks=pytest.mark.slow), ("--quiet", "export")])
 def test_parquet_is_written_whatever_stands_before_the_command(words, saturn_data, tmp_path):
     """Other commands leave pyarrow out of their process: which command it is, is seen behind the common options."""
     out = tmp_path / "record.parquet"
