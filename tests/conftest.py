@@ -95,13 +95,20 @@ def group_of(nodeid: str) -> str:
     return next((name for name, files in TOGETHER.items() if file in files), file)
 
 
+def is_double(item: pytest.Item) -> bool:
+    """A slow test with ``few`` candidates (fixtures of that parameter) whose double has them all."""
+    params = item.callspec.params.values() if hasattr(item, "callspec") else ()
+    few = any(isinstance(value, str) and value == "few" for value in params)
+    return few and item.get_closest_marker("slow") is not None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave the slow tests to ``make slow``, which asks for them by ``-m``; what takes longest comes first."""
-    if "slow" not in config.option.markexpr:
-        slow = [item for item in items if item.get_closest_marker("slow")]
-        items[:] = [item for item in items if item not in slow]
-        config.hook.pytest_deselected(items=slow)
+    asked = "slow" in config.option.markexpr
+    left = {item for item in items if (is_double(item) if asked else item.get_closest_marker("slow"))}
+    items[:] = [item for item in items if item not in left]
+    config.hook.pytest_deselected(items=[*left])
     items.sort(key=lambda item: FIRST.index(group) if (group := group_of(item.nodeid)) in FIRST else len(FIRST))
 
 

@@ -187,8 +187,10 @@ def test_a_second_plane_is_part_of_the_corrected_model(two_planes, few_laws):
     assert read == amplitude
 
 
-def test_no_conflict_over_two_planes_but_no_law_fits(two_planes):
+@pytest.mark.parametrize("tried", ["few_laws", pytest.param("few_draws", marks=pytest.mark.slow)])
+def test_no_conflict_over_two_planes_but_no_law_fits(two_planes, tried, request):
     """Forces of one plane miss the rows of the sweeps, not the resonances: the answer begins with that."""
+    request.getfixturevalue(tried)
     loads = dp.extrapolate(*two_planes, [8.0])
     assert loads.against == AGREED
     assert loads.to_json()["cautions"][0].startswith("no law fits")

@@ -299,7 +299,9 @@ def test_a_scaling_in_the_id_lines_is_said(tmp_path, note, said):
     assert all(f"both {said}" in text for text in cautions)
 
 
-def test_the_command_predicts_every_sensor(tmp_path, damping, no_layout, few_draws):
+@pytest.mark.parametrize("tried", ["few_laws", pytest.param("few_draws", marks=pytest.mark.slow)])
+def test_the_command_predicts_every_sensor(tmp_path, damping, no_layout, tried, request):
+    request.getfixturevalue(tried)
     out = tmp_path / "out"
     run = damping("campaign", written(tmp_path / "c.h5", "hdf5"), "--out", out, "--design", 0.8)
     assert run.code == 0

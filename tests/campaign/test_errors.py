@@ -40,7 +40,7 @@ def measure_scores(path, seeds):
     return np.array(scores).T
 
 
-@pytest.mark.parametrize(("campaigns", "number"), [(10, 60), pytest.param(25, 150, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("campaigns", "number"), [(5, 30), pytest.param(25, 150, marks=pytest.mark.slow)])
 def test_standard_errors_hold_what_they_say(tmp_path, campaigns, number):
     """68 % within one, to two standard deviations of a binomial; damping is the line in A of the fit."""
     within = np.mean(np.abs(measure_scores(tmp_path / "a.h5", range(campaigns))) < 1.0, axis=1)

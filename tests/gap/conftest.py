@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -11,6 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from damping.effects import CATALOGUE
+from damping.effects.contract import Effect
 from damping.gap.diagnose import Diagnosis, diagnose
 from damping.records.mode import Mode, Repeatability, Tolerance
 from damping.records.record import Record
@@ -20,6 +22,7 @@ from damping_validation.generator.laws import Structure
 from damping_validation.generator.plan import Bench
 from damping_validation.generator.refit import RecordCells, applied
 from damping_validation.generator.steady import true_record
+from tests.gap.limited import KINDS
 
 assert damping_pipelines.__doc__  # imported for its effect
 
@@ -146,3 +149,18 @@ def lab() -> Lab:
 def no_folds(monkeypatch: pytest.MonkeyPatch) -> None:
     """Diagnoses that hold no level out, which takes a fifth of their time: where nobody looks at it."""
     monkeypatch.setattr("damping.gap.size.hold_levels_out", lambda *_: None)
+
+
+@pytest.fixture(params=["few", pytest.param("all", marks=pytest.mark.slow)])
+def among(request: pytest.FixtureRequest) -> Callable[..., dict[str, Effect]]:
+    """``among(*names)``: effects of every kind and those named, from which a cause is told; ``make slow``: from all.
+
+    To be named are the effects that the test is about and those that were, or could be, blamed in their place.
+    """
+
+    def choose(*names: str) -> dict[str, Effect]:
+        wanted = {*KINDS, *names} if request.param == "few" else set(CATALOGUE)
+        assert wanted <= set(CATALOGUE)
+        return {name: effect for name, effect in CATALOGUE.items() if name in wanted}
+
+    return choose

@@ -9,6 +9,11 @@ from damping.effects import CATALOGUE
 from damping.effects.contract import Effect
 
 T = TypeVar("T")
+#: One or two effects of every kind: parameters, damping forces, a spring, a second plane and readings.
+KINDS = (
+    *("viscous-coefficient", "natural-frequency", "velocity-squared", "displacement", "stiffness-hardening"),
+    *("planar-coupling", "amplitude-scale", "phase-lag"),
+)
 
 
 def limited(library: Mapping[str, Effect] | Iterable[str], ask: Callable[..., T], *given: Any, **options: Any) -> T:

@@ -16,6 +16,7 @@ from damping.records.reading import read_record
 from damping.result import DiagnosisResult
 from damping_pipelines.cli import main
 from damping_pipelines.gap import _describe_model
+from tests.gap.limited import limited
 
 #: A force and a parameter; one effect of each further kind.
 NAMES = ("velocity-squared", "natural-frequency")
@@ -35,11 +36,11 @@ def written(lab, tmp_path):
 
 
 @pytest.mark.parametrize("name", [*NAMES, *(pytest.param(name, marks=pytest.mark.slow) for name in FURTHER)])
-def test_the_corrected_model_has_no_gap(lab, written, name, monkeypatch):
+def test_the_corrected_model_has_no_gap(lab, written, name, among, monkeypatch):
     first = lab.diagnosed(name)
     assert first.leading.effects == (name,)
     monkeypatch.setattr("damping.gap.size.hold_levels_out", lambda *_: None)  # nobody asks
-    again = diagnose(first.record, read_mode(written(name)))
+    again = limited(among(), diagnose, first.record, read_mode(written(name)))
     assert again.leading.effects == ()
     assert not again.unexplained
     assert again.gap.nominal < 1.2  # 1 and three standard errors of a root mean square of 120 values, 0.065

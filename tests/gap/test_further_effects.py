@@ -324,10 +324,10 @@ ONWARD = "level-offset", {"factor": 0.96, "sweep": 0.0, "onward": 3.0}
 
 
 @pytest.mark.parametrize(("name", "table"), [*CASES, pytest.param(*ONWARD, marks=pytest.mark.slow)])
-def test_an_effect_is_found_and_sized(lab, name, table):
+def test_an_effect_is_found_and_sized(lab, name, table, among):
     record = altered(lab, name, table)
     # a step of readings is no scatter of levels, even where their repeatability is not stated
-    found = diagnose(record, lab.mode(*((None, None) if "onward" in table else (0.0, 0.0))))
+    found = limited(among(name), diagnose, record, lab.mode(*((None, None) if "onward" in table else (0.0, 0.0))))
     assert found.leading.effects == (name,)
     values, intervals = effect_values(found.leading.best)[name], effect_intervals(found.leading.best)[name]
     for key, true in table.items():
@@ -363,23 +363,23 @@ def test_what_is_known_of_the_rig_is_not_asked(lab):
     assert set(CATALOGUE) - set(left) == {"viscous-coefficient", "natural-frequency"}
 
 
-def test_values_taken_from_the_record_do_not_hold_it(lab):
+def test_values_taken_from_the_record_do_not_hold_it(lab, among):
     """A simulation identified from the very rows, 15 % off in damping: no finding, since it claims no knowledge."""
     rows = lab.bench().rows
     record = lab.record(rows, lab.linear(rows, viscous=1.4 * lab.viscous), 3)
-    assert diagnose(record, lab.mode()).leading.effects == ("viscous-coefficient",)
-    found = diagnose(record, lab.mode(tolerance=Tolerance(from_record=True)))
+    assert limited(among(), diagnose, record, lab.mode()).leading.effects == ("viscous-coefficient",)
+    found = limited(among(), diagnose, record, lab.mode(tolerance=Tolerance(from_record=True)))
     assert found.leading.effects == ()
     assert "within their tolerance" not in describe_diagnosis(found)["verdict"][0]
     assert any("errors in them cannot be detected" in caution for caution in found.cautions)
 
 
 @pytest.mark.parametrize("factor", [1 / 3, 64.0])
-def test_a_damping_many_times_wrong_is_sized(lab, factor):
+def test_a_damping_many_times_wrong_is_sized(lab, factor, among):
     rows = lab.bench(levels=3, points=14).rows
     wide = replace(rows, omega=lab.omega * np.tile(np.linspace(0.5, 1.5, 14), 3))
     record = lab.record(wide, lab.linear(wide, viscous=factor * lab.viscous), 3)
-    found = diagnose(record, lab.mode())
+    found = limited(among(), diagnose, record, lab.mode())
     assert found.leading.effects == ("viscous-coefficient",)
     # 1 % noise of 84 values of which a few see the damping: known to a few per cent
     relative = effect_values(found.leading.best)["viscous-coefficient"]["relative"]
@@ -398,7 +398,7 @@ def heavier(lab, added, viscous, seed=5):
     ("effect", "true"),
     [("", {}), ("level-offset", {"factor": 0.88, "state": 2.0}), ("phase-lag", {"lag": 0.12, "state": 2.0})],
 )
-def test_a_state_that_is_read_otherwise_and_files_that_differ_within_their_tolerance(lab, effect, true):
+def test_a_state_that_is_read_otherwise_and_files_that_differ_within_their_tolerance(lab, effect, true, among):
     """Three masses, one damping, which their files state 3 and 4 % apart: tolerance 5 %; a sensor mounted anew."""
     added, stated = (0.0, 2.0, 5.0), np.array([1.04, 1.0, 1.01]) * lab.viscous
     records = [heavier(lab, mass, lab.viscous, seed) for seed, mass in enumerate(added)]
@@ -414,7 +414,9 @@ def test_a_state_that_is_read_otherwise_and_files_that_differ_within_their_toler
         )
         for mass, c in zip(added, stated, strict=True)
     ]
-    found = explain(records[0], modes[0], states=list(zip(records[1:], modes[1:], strict=True)))
+    found = limited(
+        among("level-offset"), explain, records[0], modes[0], states=list(zip(records[1:], modes[1:], strict=True))
+    )
     assert found.leading.key == {effect} - {""}
     values, places = describe_effects(found.leading.best)
     for name, value in true.items():  # 1 % noise of 48 values of that state, four standard errors, and the mass beside
@@ -430,17 +432,17 @@ def test_a_state_that_is_read_otherwise_and_files_that_differ_within_their_toler
         np.testing.assert_allclose(own, plain, rtol=1e-14)
 
 
-def test_a_state_that_is_not_damped_as_stated_is_told(lab):
+def test_a_state_that_is_not_damped_as_stated_is_told(lab, among):
     """A tenth more damping with the mass than its file says; two effects of the rig or structure imitate it."""
     rows = lab.bench(levels=2, points=24).rows
     plain, state = lab.record(rows, lab.linear(rows), 4), heavier(lab, 2.0, 1.1 * lab.viscous)
     other = replace(lab.mode(), mass=12.0, frequency=3.0 / np.sqrt(1.2))
-    found = explain(plain, lab.mode(), states=[(state, other)])
+    found = limited(among("level-offset"), explain, plain, lab.mode(), states=[(state, other)])
     assert found.in_library < 0.5
     assert any("a state whose mass, damping or frequency differs" in caution for caution in found.cautions)
 
 
-def test_states_share_what_is_wrong(lab):
+def test_states_share_what_is_wrong(lab, among):
     """A mass added is known as a column, or as a state with its own model: the same answer."""
     rows = lab.bench(levels=2, points=12).rows
     plain = lab.record(rows, lab.linear(rows, viscous=1.5 * lab.viscous), 4)
@@ -449,7 +451,10 @@ def test_states_share_what_is_wrong(lab):
         [plain.table.assign(added_mass=0.0), state.table.assign(added_mass=2.0, sweep="m" + state.table["sweep"])]
     )
     other = replace(lab.mode(), mass=12.0, frequency=3.0 / np.sqrt(1.2))
-    both = [diagnose(Record(column), lab.mode()), diagnose(plain, lab.mode(), states=[(state, other)])]
+    both = [
+        limited(among("level-offset"), diagnose, Record(column), lab.mode()),
+        limited(among("level-offset"), diagnose, plain, lab.mode(), states=[(state, other)]),
+    ]
     for one in both:
         assert one.leading.effects == ("viscous-coefficient",)
         relative = effect_values(one.leading.best)["viscous-coefficient"]["relative"]

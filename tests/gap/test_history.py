@@ -44,10 +44,10 @@ def test_configuration_1_has_two_planes_and_does_not_soften(first):
 @pytest.mark.parametrize(
     ("frequency", "mass", "viscous"),
     [
-        *((0.0005, 0.01, 0.12), (0.003, 0.05, 0.12)),
+        (0.003, 0.05, 0.12),
         *(
             pytest.param(*of, marks=pytest.mark.slow)
-            for of in ((0.001, 0.05, 0.12), (0.002, 0.01, 0.12), (0.002, 0.05, 0.2))
+            for of in ((0.0005, 0.01, 0.12), (0.001, 0.05, 0.12), (0.002, 0.01, 0.12), (0.002, 0.05, 0.2))
         ),
     ],
 )

@@ -12,6 +12,7 @@ from damping.gap.corrected import corrected_mode
 from damping.gap.diagnose import diagnose
 from damping.records.record import Record
 from damping.report.gap import describe_diagnosis
+from tests.gap.limited import limited
 
 pytestmark = pytest.mark.usefixtures("no_folds")
 
@@ -24,9 +25,9 @@ def structural(lab, rows, seed, added=0.0, share=1.0):
 
 
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
-def test_structural_damping_against_a_viscous_simulation(lab, seed):
+def test_structural_damping_against_a_viscous_simulation(lab, seed, among):
     """1/(K (1 + 2 i xi) - M w^2) is a viscous receptance turned by xi: one state cannot tell it from a phase offset."""
-    found = diagnose(structural(lab, lab.bench().rows, seed), lab.mode())
+    found = limited(among("time-delay"), diagnose, structural(lab, lab.bench().rows, seed), lab.mode())
     assert not found.unexplained
     leading, group = found.leading.effects, next(group for group in found.groups if "displacement" in group.effects)
     assert leading in {("displacement",), ("phase-lag",)}
@@ -46,7 +47,7 @@ def test_structural_damping_against_a_viscous_simulation(lab, seed):
 
 
 @pytest.mark.parametrize("seed", [4, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (5, 7))])
-def test_added_mass_tells_structural_damping_from_a_phase_offset(lab, seed):
+def test_added_mass_tells_structural_damping_from_a_phase_offset(lab, seed, among):
     """At a lower resonance c w is smaller and the loss of a structure is not: the test that is proposed settles it."""
     rows, added = lab.bench().rows, 0.2 * lab.mass
     slower = replace(rows, omega=rows.omega / np.sqrt(1.2))
@@ -55,7 +56,9 @@ def test_added_mass_tells_structural_damping_from_a_phase_offset(lab, seed):
         structural(lab, slower, 10 + seed, added).table.assign(added_mass=added),
     )
     table["sweep"] = "with mass " + table["sweep"]
-    found = diagnose(Record(pd.concat([first, table], ignore_index=True), "two states"), lab.mode())
+    found = limited(
+        among("time-delay"), diagnose, Record(pd.concat([first, table], ignore_index=True), "two states"), lab.mode()
+    )
     assert found.leading.effects == ("displacement",)
     assert found.hypotheses[0].probability > 0.95
     (said,) = describe_diagnosis(found)["verdict"]
@@ -63,9 +66,9 @@ def test_added_mass_tells_structural_damping_from_a_phase_offset(lab, seed):
 
 
 @pytest.mark.parametrize("share", [0.4, 2.5])
-def test_structural_damping_of_another_size_than_simulated(lab, share):
+def test_structural_damping_of_another_size_than_simulated(lab, share, among):
     """The step to a law of the simulated size points the wrong way then; those to other sizes do not."""
-    found = diagnose(structural(lab, lab.bench().rows, 7, share=share), lab.mode())
+    found = limited(among("time-delay"), diagnose, structural(lab, lab.bench().rows, 7, share=share), lab.mode())
     named = {own.effects: own.hypothesis.best for own in found.hypotheses if own.probability > 0.1}
     assert ("displacement",) in named
     coefficient = corrected_mode(named["displacement",]).damping["displacement"]["coefficient"]
@@ -74,21 +77,26 @@ def test_structural_damping_of_another_size_than_simulated(lab, share):
 
 
 @pytest.mark.parametrize("times", [-1.0, 3.0])
-def test_a_phase_offset_stays_one(lab, times):
+def test_a_phase_offset_stays_one(lab, times, among):
     """Of three damping ratios, or of one the other way: no structural damping of this loss makes it."""
     rows = lab.bench().rows
     cells = lab.linear(rows)
-    found = diagnose(lab.record(rows, lab.cells(cells.amplitude, cells.phase + times * lab.xi), 6), lab.mode())
+    found = limited(
+        among("time-delay"),
+        diagnose,
+        lab.record(rows, lab.cells(cells.amplitude, cells.phase + times * lab.xi), 6),
+        lab.mode(),
+    )
     assert found.leading.effects == ("phase-lag",)
     assert all("displacement" not in group.effects for group in found.groups)
 
 
-def test_mass_and_frequency_that_are_both_off(lab):
+def test_mass_and_frequency_that_are_both_off(lab, among):
     """All levels share both: repeatability that is not stated does not stand for them."""
     rows = lab.bench().rows
     damping = {"viscous": {"coefficient": 1.15 * lab.viscous}}
     mode = replace(
         lab.mode(None, None, damping=damping), frequency=1.02 * lab.omega / (2.0 * np.pi), mass=1.15 * lab.mass
     )
-    found = diagnose(lab.record(rows, lab.linear(rows), 8), mode)
+    found = limited(among("level-offset", "drift"), diagnose, lab.record(rows, lab.linear(rows), 8), mode)
     assert (set(found.leading.effects), found.unexplained) == ({"natural-frequency", "amplitude-scale"}, False)

@@ -157,7 +157,7 @@ def test_what_commands_print_needs_no_figures(loaded):
     assert not {"matplotlib", "scipy.signal", "scipy.stats"} & loaded[2]
 
 
-@pytest.mark.parametrize("words", [("export",), ("--quiet", "export")])
+@pytest.mark.parametrize("words", [pytest.param(("export",), marks=pytest.mark.slow), ("--quiet", "export")])
 def test_parquet_is_written_whatever_stands_before_the_command(words, saturn_data, tmp_path):
     """Other commands leave pyarrow out of their process: which command it is, is seen behind the common options."""
     out = tmp_path / "record.parquet"
@@ -322,7 +322,9 @@ def test_loads_form(damping, saturn_data, tmp_path):
     assert at_test["low"] < 1.567 < at_test["high"]
 
 
-@pytest.mark.parametrize("command", [("extrapolate", "--force", 90), ("curve", "--force", 90)])
+@pytest.mark.parametrize(
+    "command", [("extrapolate", "--force", 90), pytest.param(("curve", "--force", 90), marks=pytest.mark.slow)]
+)
 def test_what_stands_before_an_answer_is_not_said_again_behind_it(command, damping, saturn_data, tmp_path, monkeypatch):
     """Ranking and diagnosis disagree on the flagship where slip, one in eleven, is kept.
 

@@ -33,7 +33,7 @@ GAP = ("nominal", "before", "after", "shrinkage")
 
 def sweep_linear_mode(scale: float = 1.0) -> pd.DataFrame:
     """Sweeps through the mode, with noise; ``scale``: of forces and amplitudes."""
-    rng, f = np.random.default_rng(3), np.linspace(9.3, 10.7, 20)
+    rng, f = np.random.default_rng(3), np.linspace(9.3, 10.7, 12)
     omega, own = 2.0 * np.pi * f, 2.0 * np.pi * FREQUENCY
     tables = []
     for level, force in enumerate(LEVELS):
