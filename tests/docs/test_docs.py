@@ -129,7 +129,7 @@ def forms_have_their_keys(page: Path, folder: Path) -> None:
         keys = set(re.findall(r"`([a-z_]+)`", prose)) - {"null"}
         # without --select there are no steps, and no proof that one is the best; an action is one of its values
         missing = {"action", "term", "reason", "nodes", "bound"}
-        missing |= {"relative", "state", "instead"}  # parameters of other effects than those of the example
+        missing |= {"relative", "state", "instead", "smooth"}  # parameters of other effects than those of the example
         if form.get("far_off") == []:  # no reading is far off
             missing |= {"sigma", "set_aside"}
         if form.get("next_test", True) is None:  # nothing to settle: a test has no keys
