@@ -209,47 +209,41 @@ def list_evidences(fit: ModelFit, unknown: Unknowns, wild: bool = True) -> Float
     of_correlations = []
     for rho in unknown.correlations:
         white, log_det = decorrelate(np.column_stack([J, start]), fit.model, rho)
-        products, further = (part.T @ part for part in (white[:own], white[own:]))
-        if rows.channels:
-            at_noises = [
-                _integrate(p * products + further, sweeps, unknown.scatters, np.ones(1))[:, 0] for p in precision
-            ]
-            integrals = np.stack(at_noises, axis=1)
-        else:
-            integrals = _integrate(products, sweeps, unknown.scatters, precision)
-        of_correlations.append(base + log_det + integrals)
+        of_mode, further = (part.T @ part for part in (white[:own], white[own:]))
+        products = np.multiply.outer(precision, of_mode) + further
+        of_correlations.append(base + log_det + _integrate(products, sweeps, unknown.scatters))
     return np.stack(of_correlations, axis=1)
 
 
-def _integrate(
-    products: FloatArray, sweeps: int, scatters: Sequence[tuple[float, float]], precision: FloatArray
-) -> FloatArray:
+def _integrate(products: FloatArray, sweeps: int, scatters: Sequence[tuple[float, float]]) -> FloatArray:
     """ln of the Gaussian integral over variables and deviations of sweeps, (scatters, noises).
 
-    That is -(p r.r - g^T H^-1 g + ln det H)/2, g = p D J^T r, H = 1 + p D J^T J D, from the ``products`` of (J, r) with
-    itself. D is 1 for variables, else the scatter of gain or frequency; p is each ``precision`` (noises,). A row lies
-    in one sweep, so the deviations make blocks of two by two. These are eliminated first, then the variables one by
-    one, for all scatters and noises at once.
+    That is -(r.r - g^T H^-1 g + ln det H)/2, g = D J^T r, H = 1 + D J^T J D, from the ``products`` of (J, r) with
+    itself at each noise, (noises, n, n). D is 1 for variables, else the scatter of gain or frequency. A row lies in one
+    sweep, so the deviations make blocks of two by two. These are eliminated first, then the variables one by one, for
+    all scatters and noises at once.
     """
-    k = len(products) - 1 - 2 * sweeps
-    kept, gain = np.array([*range(k), -1]), slice(k, k + sweeps)  # variables and residuals; gains
-    frequency = slice(k + sweeps, k + 2 * sweeps)
-    a, f = np.array(scatters).T[:, np.newaxis, :, np.newaxis] * np.sqrt(precision)  # (1, scatters, noises) each
+    k, scattered = products.shape[-1] - 1 - 2 * sweeps, len(scatters)
+    kept, gain = np.array([*range(k), -1]), np.arange(k, k + sweeps)  # variables and residuals; gains
+    frequency = gain + sweeps
+    a, f = np.array(scatters).T[:, np.newaxis]  # (1, scatters) each
     of_gain, of_frequency, of_both = (
-        np.diagonal(products[rows, columns])[:, np.newaxis, np.newaxis]
+        products[:, rows, columns][..., np.newaxis]
         for rows, columns in ((gain, gain), (frequency, frequency), (gain, frequency))
     )
     first, second, both = 1.0 + a * a * of_gain, 1.0 + f * f * of_frequency, a * f * of_both
     det = first * second - both * both
-    inverse = np.concatenate([a * a * second / det, f * f * first / det, -a * f * both / det])
-    u, v = products[gain][:, kept], products[frequency][:, kept]
+    inverse = np.concatenate([a * a * second / det, f * f * first / det, -a * f * both / det], axis=1)
+    u, v = products[:, gain][..., kept], products[:, frequency][..., kept]
     outer = np.concatenate(
-        [_multiply_outer(u, u), _multiply_outer(v, v), _multiply_outer(u, v) + _multiply_outer(v, u)]
+        [_multiply_outer(u, u), _multiply_outer(v, v), _multiply_outer(u, v) + _multiply_outer(v, u)], axis=1
     )
-    eliminated = np.tensordot(outer, inverse, axes=(0, 0))  # (variables and residuals, the same, scatters, noises)
-    reduced = (products[np.ix_(kept, kept)][:, :, np.newaxis, np.newaxis] - eliminated) * precision
+    flat = outer.reshape(*outer.shape[:2], -1)
+    eliminated = np.swapaxes(flat, 1, 2) @ inverse  # (noises, pairs of variables and residuals, scatters)
+    eliminated = np.moveaxis(eliminated.reshape(-1, k + 1, k + 1, scattered), 0, -1)
+    reduced = np.moveaxis(products[:, kept[:, np.newaxis], kept], 0, -1)[:, :, np.newaxis] - eliminated
     reduced[range(k), range(k)] += 1.0
-    log_det = np.sum(np.log(det), axis=0)
+    log_det = np.sum(np.log(det), axis=1).T
     for j in range(k):
         column = reduced[j + 1 :, j]
         log_det += np.log(reduced[j, j])
@@ -258,8 +252,8 @@ def _integrate(
 
 
 def _multiply_outer(u: FloatArray, v: FloatArray) -> FloatArray:
-    """Outer product of each row of u with the same row of v, (rows, entries, entries)."""
-    return u[:, :, np.newaxis] * v[:, np.newaxis, :]
+    """Outer product of each row of u with the same row of v, (.., rows, entries, entries)."""
+    return u[..., :, np.newaxis] * v[..., np.newaxis, :]
 
 
 def marginalise_scatter(fit: ModelFit, unknown: Unknowns, least: float) -> ModelFit:
