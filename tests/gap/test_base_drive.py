@@ -207,9 +207,10 @@ def test_sizes_and_the_corrected_model_name_the_units_of_their_numbers(mode, hea
     if heavier:
         record = together(record, shaken((0.2,), added=ADDED, c2=c2, seed=4))
     found = limited({"velocity-squared": EFFECTS["velocity-squared"]}, diagnose, record, mode)
-    run = {"force": 0.2, "frequency_low": 20.0, "frequency_high": 30.0, "points": 40, "added_mass": 0.0}
+    run = {"force": 0.2, "frequency_low": 20.0, "frequency_high": 30.0, "points": 40, "added_mass": 0.5}
     found.__dict__["next_tests"] = (NextTest("it", "why", 9.0, 0.99, ("force",), (run,), "damping gap"),)
-    assert "Run 40 points from 20.00 to 30.00 Hz at base acceleration 0.200." in describe_diagnosis(found)["following"]
+    said = "Run 40 points from 20.00 to 30.00 Hz at base acceleration 0.200 m/s², added mass 0.500 N·s²/m."
+    assert said in describe_diagnosis(found)["following"]
     (size,) = describe_diagnosis(found)["sizes"]
     told = float(re.search(r"coefficient: ([0-9.]+) 1/m ", size).group(1))
     np.testing.assert_allclose(told, c2 / (P * MASS), rtol=0.03, atol=0.0)  # the coefficient to 1 %

@@ -8,7 +8,7 @@ import pandas as pd
 
 from damping import report as words
 from damping.effects import CATALOGUE
-from damping.forces.shapes import Shape
+from damping.forces.shapes import FORCE, LENGTH, TIME, Shape
 from damping.gap.corrected import describe_effects, effect_intervals, is_gone, name_places
 from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import ALARM, smallest_p
@@ -49,6 +49,8 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
         "trends": [(what, trend) for what, trend in trends if trend is not None],
         "test": next(iter(diagnosis.next_tests), None),
         "drive": diagnosis.units.drive,
+        "force_unit": diagnosis.units.force,
+        "mass_unit": words.format_dimension_text(FORCE * TIME**2 / LENGTH, diagnosis.mode.units),
         "settles": diagnosis.next_test is not None,
         "apart": apart,
         "scatter": describe_scatter(diagnosis.setting, diagnosis.leading.best),
