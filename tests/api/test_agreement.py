@@ -103,7 +103,7 @@ def test_both_say_where_they_disagree(disagreeing):
         ("neither ranking nor diagnosis explains the rows", False),
     ],
 )
-def test_a_diagnosis_says_where_it_disagrees(diagnosed, said, first, no_layout):
+def test_a_diagnosis_says_where_it_disagrees(diagnosed, said, first, no_drawing):
     """Of a load in its first sentence, else behind what is found; always in the first caution of the form."""
     against = Disagreement(on_loads=(said,)) if first else Disagreement(on_rows=(said,))
     diagnosis = replace(diagnosed, against=against)

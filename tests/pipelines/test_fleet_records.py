@@ -19,7 +19,7 @@ from damping_pipelines.fleet.analyse import analyse
 from damping_pipelines.fleet.dataset import FleetResult, FleetSettings, find_cases, tasks_of
 from damping_reed1970 import data_folder
 
-pytestmark = pytest.mark.usefixtures("no_layout")
+pytestmark = pytest.mark.usefixtures("no_drawing")
 #: A linear mode: Hz, kg, damping ratio, and its viscous coefficient, N/(m/s).
 FREQUENCY, MASS, RATIO = 10.0, 2.0, 0.01
 VISCOUS = 4.0 * np.pi * FREQUENCY * RATIO * MASS
