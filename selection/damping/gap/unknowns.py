@@ -206,13 +206,14 @@ def list_evidences(fit: ModelFit, unknown: Unknowns, wild: bool = True) -> Float
     regular = float(np.sum(weights[:own][rows.seen[:own]] > WILD_WEIGHT))
     robust = float(log_likelihood(fit.r)) + 0.5 * float(weights @ fit.r**2) if wild else 0.0
     base = robust + 0.5 * regular * np.log(precision) - regular * np.log(fit.model.scatter.noise)
-    of_correlations = []
+    products, log_dets = [], []
     for rho in unknown.correlations:
         white, log_det = decorrelate(np.column_stack([J, start]), fit.model, rho)
         of_mode, further = (part.T @ part for part in (white[:own], white[own:]))
-        products = np.multiply.outer(precision, of_mode) + further
-        of_correlations.append(base + log_det + _integrate(products, sweeps, unknown.scatters))
-    return np.stack(of_correlations, axis=1)
+        products.append(np.multiply.outer(precision, of_mode) + further)
+        log_dets.append(log_det)
+    integrated = _integrate(np.concatenate(products), sweeps, unknown.scatters)
+    return base + np.array(log_dets)[:, np.newaxis] + integrated.reshape(unknown.log_prior.shape)
 
 
 def _integrate(products: FloatArray, sweeps: int, scatters: Sequence[tuple[float, float]]) -> FloatArray:
