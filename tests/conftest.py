@@ -565,6 +565,15 @@ def no_drawing(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
+def no_rivals(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Diagnoses without causes outside the library, a third of their time: where effects and sizes alone are looked at.
+
+    They can only lower what is staked on the library, and are told in cautions.
+    """
+    monkeypatch.setattr("damping.gap.outside.weigh_outside", lambda *_: ((), ()))
+
+
+@pytest.fixture
 def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """A study samples in this process: to start others takes longer than what short studies do in them."""
     monkeypatch.setattr("damping_pipelines.study.start_pool", lambda: ThreadPoolExecutor(1))

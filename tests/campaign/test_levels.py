@@ -48,7 +48,7 @@ def write_levels(path, f, readings):
 
 @cache
 def sweep_mode():
-    """Time, force and acceleration (n,) of a viscous mode swept from rest under 1 N, integrated in quarters of a step."""
+    """Time, force and acceleration (n,) of a viscous mode swept from rest under 1 N; four steps for each row."""
     t = np.arange(0.0, 60.0, 1 / 1024)
     F = np.sin(2 * np.pi * (23.0 * t + 0.5 * (4.0 / 60.0) * t**2))
     return t[::4], F[::4], accelerate(F, 1 / 1024, 2 * np.pi * HERTZ, ZETA, M)[::4]

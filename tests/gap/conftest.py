@@ -151,15 +151,6 @@ def no_folds(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("damping.gap.size.hold_levels_out", lambda *_: None)
 
 
-@pytest.fixture
-def no_rivals(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Diagnoses without causes outside the library, a third of their time: where effects and sizes alone are looked at.
-
-    They can only lower what is staked on the library, and are told in cautions.
-    """
-    monkeypatch.setattr("damping.gap.outside.weigh_outside", lambda *_: ((), ()))
-
-
 @pytest.fixture(params=["few", pytest.param("all", marks=pytest.mark.slow)])
 def among(request: pytest.FixtureRequest) -> Callable[..., dict[str, Effect]]:
     """``among(*names)``: effects of every kind and those named, from which a cause is told; ``make slow``: from all.

@@ -398,7 +398,9 @@ def heavier(lab, added, viscous, seed=5):
     ("effect", "true"),
     [("", {}), ("level-offset", {"factor": 0.88, "state": 2.0}), ("phase-lag", {"lag": 0.12, "state": 2.0})],
 )
-def test_a_state_that_is_read_otherwise_and_files_that_differ_within_their_tolerance(lab, effect, true, among, no_rivals):
+def test_a_state_that_is_read_otherwise_and_files_that_differ_within_their_tolerance(
+    lab, effect, true, among, no_rivals
+):
     """Three masses, one damping, which their files state 3 and 4 % apart: tolerance 5 %; a sensor mounted anew."""
     added, stated = (0.0, 2.0, 5.0), np.array([1.04, 1.0, 1.01]) * lab.viscous
     records = [heavier(lab, mass, lab.viscous, seed) for seed, mass in enumerate(added)]

@@ -73,7 +73,7 @@ def limit_effects(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
 
 
 @pytest.mark.parametrize("moving", ["a sweep", "a base"])
-def test_a_fleet_diagnoses_the_record_that_gap_does(moving, tmp_path, few_laws, monkeypatch):
+def test_a_fleet_diagnoses_the_record_that_gap_does(moving, tmp_path, few_laws, monkeypatch, no_rivals):
     """As it was swept (not its steady states), and as its base was driven (not turned into a force)."""
     swept = moving == "a sweep"
     limit_effects(monkeypatch, "viscous-coefficient", "sweep-rate")
@@ -133,7 +133,7 @@ def test_a_fleet_says_where_ranking_and_diagnosis_disagree(tmp_path, monkeypatch
     assert len(calls) == 1
 
 
-def test_a_level_that_is_off_is_diagnosed_and_not_ranked(tmp_path, few_laws, monkeypatch):
+def test_a_level_that_is_off_is_diagnosed_and_not_ranked(tmp_path, few_laws, monkeypatch, no_rivals):
     """As ``gap`` names what other commands refuse; without a simulation nothing can name it."""
     limit_effects(monkeypatch, "level-offset")
     table = sweep_linear_mode()
@@ -152,7 +152,7 @@ def test_a_level_that_is_off_is_diagnosed_and_not_ranked(tmp_path, few_laws, mon
     assert analyse_only(tmp_path).row["reason"].startswith("c1.csv: level-offset (refuse)")
 
 
-def test_the_page_of_a_record_draws_small_metres_in_smaller_ones(tmp_path, few_laws, monkeypatch):
+def test_the_page_of_a_record_draws_small_metres_in_smaller_ones(tmp_path, few_laws, monkeypatch, no_rivals):
     """Millimetres are no 0.00501 m, and the figure says its numbers in words, as that of a study."""
     limit_effects(monkeypatch, "viscous-coefficient")
     scale = 0.1
