@@ -213,7 +213,7 @@ def list_evidences(fit: ModelFit, unknown: Unknowns, wild: bool = True) -> Float
         products.append(np.multiply.outer(precision, of_mode) + further)
         log_dets.append(log_det)
     integrated = _integrate(np.concatenate(products), sweeps, unknown.scatters)
-    return base + np.array(log_dets)[:, np.newaxis] + integrated.reshape(unknown.log_prior.shape)
+    return np.asarray(base + np.array(log_dets)[:, np.newaxis] + integrated.reshape(unknown.log_prior.shape))
 
 
 def _integrate(products: FloatArray, sweeps: int, scatters: Sequence[tuple[float, float]]) -> FloatArray:
