@@ -192,7 +192,6 @@ def test_energy_of_resonance_peaks(run: Run) -> None:
     assert C1.min() < form["terms"][0]["coefficient"] / np.pi < C1.max()
 
 
-@pytest.mark.usefixtures("no_drawing")
 def test_plots(run: Run, shoe: Path, tmp_path: Path) -> None:
     arguments = (shoe, "--response", "y", "--terms", "x, z^2, 1", "--plots", tmp_path / "plots")
     assert run(*arguments)[0] == 0
