@@ -559,9 +559,18 @@ def damping(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch)
 
 
 @pytest.fixture
-def no_layout(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures that nobody looks at are drawn as they stand: to fit them into their frames takes a third of the time."""
-    monkeypatch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda *_: None)
+def no_drawing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures that nobody looks at are built and written without their marks: to draw them takes most of the time."""
+    monkeypatch.setattr("matplotlib.figure.Figure.draw", lambda *_: None)
+
+
+@pytest.fixture
+def no_rivals(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Diagnoses without causes outside the library, a third of their time: where effects and sizes alone are looked at.
+
+    They can only lower what is staked on the library, and are told in cautions.
+    """
+    monkeypatch.setattr("damping.gap.outside.weigh_outside", lambda *_: ((), ()))
 
 
 @pytest.fixture

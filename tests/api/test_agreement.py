@@ -103,7 +103,7 @@ def test_both_say_where_they_disagree(disagreeing):
         ("neither ranking nor diagnosis explains the rows", False),
     ],
 )
-def test_a_diagnosis_says_where_it_disagrees(diagnosed, said, first, no_layout):
+def test_a_diagnosis_says_where_it_disagrees(diagnosed, said, first, no_drawing):
     """Of a load in its first sentence, else behind what is found; always in the first caution of the form."""
     against = Disagreement(on_loads=(said,)) if first else Disagreement(on_rows=(said,))
     diagnosis = replace(diagnosed, against=against)
@@ -230,8 +230,10 @@ def test_an_offset_that_the_audit_finds_is_taken_off_before_laws_are_fitted(few_
     assert late["viscous"].candidate.coefficients[0].value == pytest.approx(c, rel=0.01)  # some standard errors
 
 
-def test_what_neither_explains_is_said_by_both():
+@pytest.mark.parametrize("tried", ["few_laws", pytest.param("few_draws", marks=pytest.mark.slow)])
+def test_what_neither_explains_is_said_by_both(tried, request):
     """Three peaks that no law explains, nor any effects: none of three is taken for wild, so that the others fit."""
+    request.getfixturevalue(tried)
     frame = pd.DataFrame({"sweep": list("ABC"), "force": [1.0, 2.0, 4.0], "frequency": [20.0, 20.01, 19.99]})
     record = dp.Record(frame.assign(amplitude=[0.0016, 0.0019, 0.0085]))
     mode = dp.Mode(name="mode", frequency=20.0, mass=2.0, damping=viscous(5.0))

@@ -132,7 +132,7 @@ def test_a_law_that_was_left_as_negligible_is_sampled_all_the_same():
 
 @pytest.mark.sampling
 @pytest.mark.usefixtures("few_laws")
-def test_extrapolate_is_the_command(form_of, record, mode):
+def test_extrapolate_is_the_command(form_of, record, mode, few_laws):
     result = dp.extrapolate(record, mode, [60.0, 90.0], level=0.8)
     wanted = form_of("extrapolate", RECORD, "--mode", MODE, "--force", 60, "--force", 90, "--level", 0.8)
     assert result.to_json() == wanted

@@ -9,7 +9,6 @@ import h5py
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.signal import lsim
 
 from damping.campaign import analyse
 from damping.campaign.decays import decay_modes
@@ -24,6 +23,7 @@ from damping.extrapolation.curve import predict_forces, trace_loads
 from damping.extrapolation.prepared import prepare_record
 from damping.formats.series import Summary
 from damping.records import audit
+from tests.campaign.linear import accelerate
 
 G = 9.80665
 M, HERTZ, ZETA, K3 = 40.0, 25.0, 0.008, 2e10
@@ -31,7 +31,7 @@ M, HERTZ, ZETA, K3 = 40.0, 25.0, 0.008, 2e10
 
 def write_columns(path, head, *columns):
     """A table with columns (n,), or several (m, n), under the names of ``head``."""
-    np.savetxt(path, np.vstack(columns).T, delimiter=",", header=head, comments="")
+    np.savetxt(path, np.vstack(columns).T, delimiter=",", header=head, comments="", fmt="%.9g")
     return path
 
 
@@ -48,10 +48,10 @@ def write_levels(path, f, readings):
 
 @cache
 def sweep_mode():
-    """Time, force and acceleration (n,) of a viscous mode swept from rest under 1 N, integrated."""
-    t, w = np.arange(0.0, 60.0, 1 / 512), 2 * np.pi * HERTZ
-    F, row = np.sin(2 * np.pi * (23.0 * t + 0.5 * (4.0 / 60.0) * t**2)), [-(w**2), -2 * ZETA * w]
-    return t, F, lsim(([[0.0, 1.0], row], [[0.0], [1.0 / M]], [row], [[1.0 / M]]), F, t)[1]
+    """Time, force and acceleration (n,) of a viscous mode swept from rest under 1 N; four steps for each row."""
+    t = np.arange(0.0, 60.0, 1 / 1024)
+    F = np.sin(2 * np.pi * (23.0 * t + 0.5 * (4.0 / 60.0) * t**2))
+    return t[::4], F[::4], accelerate(F, 1 / 1024, 2 * np.pi * HERTZ, ZETA, M)[::4]
 
 
 @cache
@@ -223,10 +223,10 @@ def test_a_fast_sweep_with_growing_damping_is_answered_at_its_level(tmp_path, fe
     c, d, n = 2 * 0.006 * w * M, 200.0, int(60.0 / h)
     drive = np.sin(2 * np.pi * (lambda t: 23.0 * t + 0.5 * (4.0 / 60.0) * t**2)(np.arange(2 * n + 2) * h / 2))
     a = np.stack([accelerations(w, c / M, d / M, h, force / M * drive) for force in forces], axis=1)
-    files, times = [], np.arange(n // 2) * 2 * h
+    files, times = [], np.arange(n // 4) * 4 * h
     for k, force in enumerate(forces):
-        noisy = a[::2, k] + 1e-3 * np.ptp(a[:, k]) * np.random.default_rng(k).normal(size=n // 2)
-        columns = (times, force * drive[: 2 * n : 4], noisy)
+        noisy = a[::4, k] + 1e-3 * np.ptp(a[:, k]) * np.random.default_rng(k).normal(size=n // 4)
+        columns = (times, force * drive[: 2 * n : 8], noisy)
         files.append(write_columns(tmp_path / f"s{k}.csv", "time [s],force [N],tip [m/s2]", *columns))
     (mode,) = analyse(files, [40.0]).modes
     quadratic = 8 / (3 * np.pi) * d
@@ -338,7 +338,7 @@ def test_a_sensor_in_another_unit_is_left_out_before_modes_are_sought(tmp_path, 
     """Of three on a shaker one is in m/s^2 and says g: it is named, and the answers are those of the other two."""
     f, motion = (rows[..., ::2] for rows in close_modes(1.0))
     with h5py.File(tmp_path / "a.h5", "w") as file:
-        for k, level in enumerate((0.1, 0.2, 0.4)):
+        for k, level in enumerate((0.1, 0.4)):
             run = file.create_group(f"run_{level}g")
             run["frequency"], run["control"] = f, np.full(len(f), level, complex)
             read = level * motion * (1 + 0.005 * np.random.default_rng(k).normal(size=motion.shape))

@@ -742,7 +742,7 @@ def test_what_is_not_clear_is_asked_for(tmp_path, change, facts, message):
         read_runs([tmp_path / "a.csv"], SIZE, None, Stated(**facts))
 
 
-def test_the_command_takes_columns_and_units(tmp_path, damping, no_layout, few_laws):
+def test_the_command_takes_columns_and_units(tmp_path, damping, no_drawing, few_laws):
     names = ["n", "pull", "tip", "tip phase", "mid", "mid phase", "root", "root phase"]
     for level in LEVELS:
         table(level).set_axis(names, axis=1).to_csv(tmp_path / f"{level:g}.csv", index=False)

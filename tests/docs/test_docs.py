@@ -53,7 +53,7 @@ EXECUTED = {page: [b for b in blocks(page) if b.language in ("sh", "python", "to
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch, few_laws, one_process, no_layout) -> Path:
+def folder(tmp_path, monkeypatch, few_laws, one_process, no_drawing) -> Path:
     """A folder with the data and the examples, their records thinned, and few laws to try."""
     (tmp_path / "data").symlink_to(ROOT / "data")
     shutil.copytree(ROOT / "examples", tmp_path / "examples")

@@ -116,7 +116,7 @@ def test_the_form_shows_parts_exponents_and_other_priors(tmp_path, mode, damping
 
 
 @pytest.mark.sampling
-def test_a_record_of_whole_sweeps_goes_through_the_command(tmp_path, damping, swept):
+def test_a_record_of_whole_sweeps_goes_through_the_command(tmp_path, damping, swept, few_laws):
     path, mode = tmp_path / "sweeps.csv", tmp_path / "mode.toml"
     mode.write_text('[mode]\nname = "swept"\nfrequency = 1.5915494\nmass = 0.5\n')  # those of ``swept``
     pair = STRUCTURES["viscous + velocity-squared"]

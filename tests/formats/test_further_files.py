@@ -130,7 +130,7 @@ def test_a_workbook_that_is_broken_or_unpacks_to_too_much(tmp_path):
     path.write_bytes(data)
     with pytest.raises(InputError, match="unpacks to more than 50000 bytes"):
         read_file(path, Stated(), max_size=50_000)
-    random = np.random.default_rng(1)
+    random, data = np.random.default_rng(1), workbook([["time", "a"], *([k / 10, 0.5] for k in range(100))])
     for _ in range(100):
         broken = bytearray(data)
         broken[random.integers(len(data))] ^= 0xFF

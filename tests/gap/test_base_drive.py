@@ -128,7 +128,7 @@ def test_an_added_mass_is_measured_beside_the_participation(mode):
     np.testing.assert_allclose(relative["mass"] * 0.02, np.log(true), rtol=0.0, atol=0.001)
 
 
-def test_damping_of_a_base_driven_state_is_found_beside_an_added_mass(mode):
+def test_damping_of_a_base_driven_state_is_found_beside_an_added_mass(mode, no_rivals):
     c2 = 100.0
     record = together(shaken((0.05, 0.1, 0.2, 0.4), c2=c2), shaken((0.2,), added=ADDED, c2=c2, seed=4))
     found = limited(EFFECTS, diagnose, record, mode)
@@ -185,7 +185,7 @@ def test_a_next_test_is_of_the_first_state(mode, by_force):
     assert all(test.rows[0]["force"] < 1.0 for test in tests)
 
 
-def test_the_corrected_model_stands_beside_the_record_with_its_added_masses(mode):
+def test_the_corrected_model_stands_beside_the_record_with_its_added_masses(mode, no_rivals):
     """In kg and driven by the base, as the record is: it fits as it is."""
     c2 = 100.0
     record = together(shaken((0.05, 0.1, 0.2, 0.4), c2=c2), shaken((0.2,), added=ADDED, c2=c2, seed=4))
@@ -218,7 +218,7 @@ def test_sizes_and_the_corrected_model_name_the_units_of_their_numbers(mode, hea
     assert found.corrected.units.force == ("N" if heavier else "m/s²")
 
 
-def test_the_head_of_a_corrected_model_tells_the_participation_that_a_sweep_needs(mode, tmp_path):
+def test_the_head_of_a_corrected_model_tells_the_participation_that_a_sweep_needs(mode, tmp_path, no_rivals):
     """Swept with that many times the acceleration, it repeats the amplitudes measured."""
     record = together(shaken((0.1, 0.2, 0.4)), shaken((0.2,), added=ADDED, seed=4))
     result = damping.diagnose(record, mode, posterior=False, compare=False)

@@ -76,7 +76,7 @@ def written(case, out):
     options = zip(("--json", "--report", "--model-out"), files, strict=True)
     words = [word for option in options for word in option]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda *_: None)  # see ``no_layout``
+        patch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda *_: None)  # it takes a while
         given = (case / "model.toml", case / "data.csv", *words, "--no-posterior")
         assert limited(LIKE_A_LAG, command, "gap", *given) == 0
     return files

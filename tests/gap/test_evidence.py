@@ -350,9 +350,9 @@ def sweep_with_friction(
     )
 
 
-def test_a_combination_is_tried_from_its_other_part_where_one_loses_the_motion():
+def test_a_combination_is_tried_from_its_other_part_where_one_loses_the_motion(among):
     """Resonances two half-power half-widths off: friction alone is fitted far from them, the frequency is not."""
-    found = explain(*sweep_with_friction(1.02, 1.5, seed=7))
+    found = limited(among("coulomb-friction", "slip"), explain, *sweep_with_friction(1.02, 1.5, seed=7))
     assert found.leading.key == {"coulomb-friction", "natural-frequency"}
 
 

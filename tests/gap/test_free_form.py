@@ -40,7 +40,7 @@ def measure(square: float, seed: int) -> Record:
 
 @pytest.mark.parametrize(("square", "effect"), [(3000.0, "velocity-squared"), (60.0, "drift")])
 @pytest.mark.parametrize("records", [2, pytest.param(6, marks=pytest.mark.slow)])
-def test_the_band_holds_the_truth_and_is_as_wide_as_the_rows_err(no_folds, square, effect, records):
+def test_the_band_holds_the_truth_and_is_as_wide_as_the_rows_err(no_folds, no_rivals, square, effect, records):
     """The ratio is 0.5 % + 4 c2 A/(3 pi M): with its cause explained, and without, where neighbours then deviate alike.
 
     Nine places of each record are as many trials at 90 %, of which neighbours are not independent.

@@ -324,7 +324,7 @@ ONWARD = "level-offset", {"factor": 0.96, "sweep": 0.0, "onward": 3.0}
 
 
 @pytest.mark.parametrize(("name", "table"), [*CASES, pytest.param(*ONWARD, marks=pytest.mark.slow)])
-def test_an_effect_is_found_and_sized(lab, name, table, among):
+def test_an_effect_is_found_and_sized(lab, name, table, among, no_rivals):
     record = altered(lab, name, table)
     # a step of readings is no scatter of levels, even where their repeatability is not stated
     found = limited(among(name), diagnose, record, lab.mode(*((None, None) if "onward" in table else (0.0, 0.0))))
@@ -375,7 +375,7 @@ def test_values_taken_from_the_record_do_not_hold_it(lab, among):
 
 
 @pytest.mark.parametrize("factor", [1 / 3, 64.0])
-def test_a_damping_many_times_wrong_is_sized(lab, factor, among):
+def test_a_damping_many_times_wrong_is_sized(lab, factor, among, no_rivals):
     rows = lab.bench(levels=3, points=14).rows
     wide = replace(rows, omega=lab.omega * np.tile(np.linspace(0.5, 1.5, 14), 3))
     record = lab.record(wide, lab.linear(wide, viscous=factor * lab.viscous), 3)
@@ -398,7 +398,9 @@ def heavier(lab, added, viscous, seed=5):
     ("effect", "true"),
     [("", {}), ("level-offset", {"factor": 0.88, "state": 2.0}), ("phase-lag", {"lag": 0.12, "state": 2.0})],
 )
-def test_a_state_that_is_read_otherwise_and_files_that_differ_within_their_tolerance(lab, effect, true, among):
+def test_a_state_that_is_read_otherwise_and_files_that_differ_within_their_tolerance(
+    lab, effect, true, among, no_rivals
+):
     """Three masses, one damping, which their files state 3 and 4 % apart: tolerance 5 %; a sensor mounted anew."""
     added, stated = (0.0, 2.0, 5.0), np.array([1.04, 1.0, 1.01]) * lab.viscous
     records = [heavier(lab, mass, lab.viscous, seed) for seed, mass in enumerate(added)]
@@ -442,7 +444,7 @@ def test_a_state_that_is_not_damped_as_stated_is_told(lab, among):
     assert any("a state whose mass, damping or frequency differs" in caution for caution in found.cautions)
 
 
-def test_states_share_what_is_wrong(lab, among):
+def test_states_share_what_is_wrong(lab, among, no_rivals):
     """A mass added is known as a column, or as a state with its own model: the same answer."""
     rows = lab.bench(levels=2, points=12).rows
     plain = lab.record(rows, lab.linear(rows, viscous=1.5 * lab.viscous), 4)

@@ -91,7 +91,7 @@ def test_a_phase_offset_stays_one(lab, times, among):
     assert all("displacement" not in group.effects for group in found.groups)
 
 
-def test_mass_and_frequency_that_are_both_off(lab, among):
+def test_mass_and_frequency_that_are_both_off(lab, among, no_rivals):
     """All levels share both: repeatability that is not stated does not stand for them."""
     rows = lab.bench().rows
     damping = {"viscous": {"coefficient": 1.15 * lab.viscous}}

@@ -91,7 +91,7 @@ def test_hysteresis_of_the_square_of_displacement_is_told_by_its_third_harmonic(
     def third(A, omega):
         return 1j * loss * A**2 * (1.0 - 12.0 / 5.0) / (9.0 * lab.mass * omega**2 - stiff)
 
-    states = [("a", lab.bench(levels=4, points=24).rows, 0.0)]
+    states = [("a", lab.bench(levels=3, points=20).rows, 0.0)]
     record = make_record(lab, states, lambda A, omega: 1j * loss * A, third, floor=0.0005)
     found = limited(among("displacement-velocity", "quadratic-displacement"), explain, record, lab.mode())
     assert found.in_library < 0.5
@@ -222,7 +222,7 @@ def test_a_joint_that_opens_is_no_stiffness_that_falls_with_a_power(lab, among):
     found = limited(
         among("stiffness-softening", "slip"),
         explain,
-        make_record(lab, [("a", lab.bench(levels=3, points=40).rows, 0.0)], stiffness),
+        make_record(lab, [("a", lab.bench(levels=3, points=30).rows, 0.0)], stiffness),
         lab.mode(),
     )
     assert found.leading.effects
@@ -284,7 +284,7 @@ def test_no_test_is_proposed_where_the_leading_explanation_has_no_resonance(lab,
 
 def test_frequencies_of_levels_that_alternate_are_told(lab, among):
     """A fifth of a half-bandwidth to either side, the record as noisy as stated: "fits to its noise" was all."""
-    rows = lab.bench(levels=5, points=24).rows
+    rows = lab.bench(levels=5, points=16).rows
     omega = lab.omega * (1.0 + 0.0012 * np.where(rows.sweep % 2, -1.0, 1.0))
     found = limited(
         among("level-offset", "drift"),

@@ -85,7 +85,7 @@ def test_a_failure_after_a_change_names_the_parameter(record, mode):
         diagnose(record, mode, fails)
 
 
-def test_a_function_that_works_in_place_changes_no_record(record, mode):
+def test_a_function_that_works_in_place_changes_no_record(record, mode, no_rivals):
     def in_place(force, frequency, *, stiffness=(STIFFNESS, 0.02)):
         answer = simulate(force, frequency, stiffness=stiffness)
         force *= 0.5
@@ -99,7 +99,7 @@ def test_a_function_that_works_in_place_changes_no_record(record, mode):
     np.testing.assert_allclose(found, FRICTION, rtol=0.03)
 
 
-def test_two_answers_to_one_call_are_refused(record, mode):
+def test_two_answers_to_one_call_are_refused(record, mode, no_rivals):
     rng = np.random.default_rng(1)
 
     def noisy(scale):

@@ -67,7 +67,7 @@ def test_a_simulated_force_that_is_not_there(lab, simulated, force, effect, seed
 
 
 @pytest.mark.parametrize(("true", "relative"), [(0.4, -0.6), (1.0, None), (2.5, 1.5)])
-def test_a_simulated_friction_against_the_true_one(lab, simulated, true, relative, among):
+def test_a_simulated_friction_against_the_true_one(lab, simulated, true, relative, among, no_rivals):
     """Too large and too small are told by one number, true/simulated - 1; the right one is no effect."""
     mode, rows = simulated("coulomb"), lab.bench().rows
     whole = mode.damping["coulomb"]["coefficient"]

@@ -294,7 +294,7 @@ def test_rank_form(damping, saturn_data):
 
 
 @pytest.mark.sampling
-def test_loads_form(damping, saturn_data, tmp_path):
+def test_loads_form(damping, saturn_data, tmp_path, few_laws):
     out, record = tmp_path / "loads.json", files(saturn_data)[0]
     forces = ("--force", 28.98, "--force", 90, "--level", 0.8, "--despite", "units")
     run = damping("extrapolate", record, "--mode", odd_mode(saturn_data, tmp_path), *forces, "--json", out)
@@ -342,7 +342,7 @@ def test_what_stands_before_an_answer_is_not_said_again_behind_it(command, dampi
 
 
 @pytest.mark.sampling
-def test_sweep_writes_a_record_that_rank_and_extrapolate_accept(damping, saturn_data, tmp_path):
+def test_sweep_writes_a_record_that_rank_and_extrapolate_accept(damping, saturn_data, tmp_path, few_laws):
     model, out = saturn_data / "modes" / "config-2-mode-1.toml", tmp_path / "sweep.csv"
     forces = ("--force", 15, "--force", 20, "--force", 30)
     assert damping("sweep", model, *forces, "--frequency", "1.62:1.71:13", "--out", out).code == 0

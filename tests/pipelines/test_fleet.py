@@ -128,7 +128,7 @@ def alone(records, few, tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def one_law(monkeypatch, no_layout):
+def one_law(monkeypatch, no_drawing):
     """One candidate in this process: where the laws do not matter."""
     for name in ("damping_pipelines.fleet.analyse.candidate_laws", "damping.extrapolation.resonant_laws"):
         monkeypatch.setattr(name, lambda *data, **options: [Law(("viscous",))])

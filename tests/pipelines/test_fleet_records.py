@@ -19,7 +19,7 @@ from damping_pipelines.fleet.analyse import analyse
 from damping_pipelines.fleet.dataset import FleetResult, FleetSettings, find_cases, tasks_of
 from damping_reed1970 import data_folder
 
-pytestmark = pytest.mark.usefixtures("no_layout")
+pytestmark = pytest.mark.usefixtures("no_drawing")
 #: A linear mode: Hz, kg, damping ratio, and its viscous coefficient, N/(m/s).
 FREQUENCY, MASS, RATIO = 10.0, 2.0, 0.01
 VISCOUS = 4.0 * np.pi * FREQUENCY * RATIO * MASS
@@ -73,7 +73,7 @@ def limit_effects(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
 
 
 @pytest.mark.parametrize("moving", ["a sweep", "a base"])
-def test_a_fleet_diagnoses_the_record_that_gap_does(moving, tmp_path, few_laws, monkeypatch):
+def test_a_fleet_diagnoses_the_record_that_gap_does(moving, tmp_path, few_laws, monkeypatch, no_rivals):
     """As it was swept (not its steady states), and as its base was driven (not turned into a force)."""
     swept = moving == "a sweep"
     limit_effects(monkeypatch, "viscous-coefficient", "sweep-rate")
@@ -92,8 +92,9 @@ def test_a_fleet_diagnoses_the_record_that_gap_does(moving, tmp_path, few_laws, 
         assert found == pytest.approx(1.0 / TOO_LARGE - 1.0, abs=0.01)  # some standard errors
 
 
-def test_forms_of_a_fleet_are_whole(tmp_path, few_laws):
+def test_forms_of_a_fleet_are_whole(tmp_path, few_laws, monkeypatch):
     """Findings of the audit and cautions, with what was done before: an offset that was taken off."""
+    limit_effects(monkeypatch, "phase-lag", "viscous-coefficient")
     table = sweep_linear_mode()
     files = write_case(tmp_path, table.assign(phase=table["phase"] + 0.25), write_model())
     row, record, mode = analyse_only(tmp_path).row, dp.read_record(files[0]), dp.read_mode(files[1])
@@ -118,6 +119,7 @@ def test_a_fleet_says_where_ranking_and_diagnosis_disagree(tmp_path, monkeypatch
     """First in both forms and in the row, with the numbers of the prediction; the gap is explained once."""
     saturn, calls, explain = data_folder() / "saturn-v", [], diagnose.explain
     monkeypatch.setattr(diagnose, "explain", lambda *given, **named: calls.append(given) or explain(*given, **named))
+    limit_effects(monkeypatch, "slip", "velocity-squared", "displacement-velocity", "viscous-coefficient")
     monkeypatch.setattr(agreement, "KEPT", 0.05)  # of the flagship, what leaves the band is one in eleven
     model = (saturn / "modes" / "config-2-mode-1.toml").read_text()
     table = pd.read_csv(saturn / "records" / "config-2-mode-1.csv")
@@ -131,7 +133,7 @@ def test_a_fleet_says_where_ranking_and_diagnosis_disagree(tmp_path, monkeypatch
     assert len(calls) == 1
 
 
-def test_a_level_that_is_off_is_diagnosed_and_not_ranked(tmp_path, few_laws, monkeypatch):
+def test_a_level_that_is_off_is_diagnosed_and_not_ranked(tmp_path, few_laws, monkeypatch, no_rivals):
     """As ``gap`` names what other commands refuse; without a simulation nothing can name it."""
     limit_effects(monkeypatch, "level-offset")
     table = sweep_linear_mode()
@@ -150,8 +152,9 @@ def test_a_level_that_is_off_is_diagnosed_and_not_ranked(tmp_path, few_laws, mon
     assert analyse_only(tmp_path).row["reason"].startswith("c1.csv: level-offset (refuse)")
 
 
-def test_the_page_of_a_record_draws_small_metres_in_smaller_ones(tmp_path, few_laws):
+def test_the_page_of_a_record_draws_small_metres_in_smaller_ones(tmp_path, few_laws, monkeypatch, no_rivals):
     """Millimetres are no 0.00501 m, and the figure says its numbers in words, as that of a study."""
+    limit_effects(monkeypatch, "viscous-coefficient")
     scale = 0.1
     units = '[units]\nforce = "N"\nlength = "m"\ntime = "s"\n'
     write_case(tmp_path, sweep_linear_mode(scale), write_model(0.0).replace("[mode]", f"{units}[mode]"))

@@ -117,7 +117,7 @@ def test_a_run_killed_among_its_moves_is_finished(tmp_path, monkeypatch):
         assert verify(tmp_path).manifest.outputs == {"a.csv": digest(b"a"), "b.csv": digest(b"b")}
 
 
-def test_bands_of_a_record_of_one_level(tmp_path, damping, few_laws, no_layout):
+def test_bands_of_a_record_of_one_level(tmp_path, damping, few_laws, no_drawing):
     """No level can be left out, and no force beyond 1.5 times the tested one is predicted: the page says both."""
     write_text(tmp_path / "records" / "one" / "record.csv", "sweep,force,frequency,amplitude\nL1,1,10,0.01\n")
     write_text(tmp_path / "records" / "one" / "mode.toml", '[mode]\nname = "panel"\nfrequency = 10.0\nmass = 2.0\n')

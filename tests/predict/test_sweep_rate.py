@@ -164,7 +164,7 @@ def test_rates_need_phases(frequency):
     assert as_steady(made, MASS, F_N) == (made, ())
 
 
-def test_diagnoses_read_rows_as_swept_and_predictions_steady_states(frequency, swept, monkeypatch, few_laws):
+def test_diagnoses_read_rows_as_swept_and_predictions_steady_states(frequency, swept, monkeypatch, few_laws, no_rivals):
     """Steady states that the rate was taken out of leave traces, which a diagnosis would take for a second plane; and
     peaks that a fast sweep never reached, which a prediction would take for damping."""
     made = record(swept, frequency, np.random.default_rng(4))

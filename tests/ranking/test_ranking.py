@@ -241,13 +241,13 @@ def test_a_standard_error_that_few_draws_make_is_said(peaks):
 
 @pytest.fixture(scope="module")
 def drawn(peaks):
-    """Three levels, and 5, 50 and 95 % of the power law on them: 2 million prior draws weighted by the likelihood."""
+    """Three levels, and 5, 50 and 95 % of the power law on them: a million prior draws weighted by the likelihood."""
     A = (np.array([1.0, 2.0, 4.0]) / 30.0) ** (1.0 / 1.5) / 125.7
     A *= np.exp(0.05 * np.random.default_rng(0).standard_normal(3))
     data, law = peaks(A, np.array([1.0, 2.0, 4.0]), 125.7), Law(("velocity-power",))
     coordinates, rng = Coordinates.of(law, data), np.random.default_rng(2)
     p, log_p = [], []
-    for _ in range(20):
+    for _ in range(10):
         x = rng.standard_normal((100_000, coordinates.dimension))
         log_p.append(log_likelihood(x, coordinates, data))
         p.append(coordinates.parameters(x)["velocity-power"])

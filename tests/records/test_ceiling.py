@@ -82,8 +82,15 @@ def test_a_response_per_force_with_few_digits_has_no_ceiling(digits):
     assert found == pytest.approx(0.2)
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("bend", [0.0, 1.0, -2.0])
+#: Every law on a straight spring, and two on one that bends to either side; ``make slow``: every law on every spring.
+TOPS = [
+    pytest.param(law, bend, marks=[pytest.mark.slow] * (bend != 0.0 and law not in ("viscous", "slip")))
+    for law in LAWS
+    for bend in (0.0, 1.0, -2.0)
+]
+
+
+@pytest.mark.parametrize(("law", "bend"), TOPS)
 def test_right_tops_are_no_ceiling(law, bend):
     """Flat tops of damping and springs, of fine rows without noise; rounded to two digits; held at one response."""
     for rows in (21, 161):

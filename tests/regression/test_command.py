@@ -192,7 +192,6 @@ def test_energy_of_resonance_peaks(run: Run) -> None:
     assert C1.min() < form["terms"][0]["coefficient"] / np.pi < C1.max()
 
 
-@pytest.mark.usefixtures("no_layout")
 def test_plots(run: Run, shoe: Path, tmp_path: Path) -> None:
     arguments = (shoe, "--response", "y", "--terms", "x, z^2, 1", "--plots", tmp_path / "plots")
     assert run(*arguments)[0] == 0
@@ -207,7 +206,7 @@ def test_plots(run: Run, shoe: Path, tmp_path: Path) -> None:
     assert {path: path.read_bytes() for path in files} == drawn  # the same each time
 
 
-@pytest.mark.usefixtures("no_layout")
+@pytest.mark.usefixtures("no_drawing")
 def test_names_that_make_no_file_name(run: Run, tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("a/b,A/B,y\n1,4,1\n2,3,2\n4,1,3\n3,7,4\n")
     assert run(tmp_path / "t.csv", "--response", "y", "--terms", "a/b, A/B", "--plots", tmp_path / "p")[0] == 0

@@ -44,7 +44,7 @@ def results(
 @pytest.fixture(scope="module")
 def parts(results: ReportResults) -> list[ReportPart]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda *_: None)  # see ``no_layout``
+        patch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda *_: None)  # it takes a while
         return report_parts(results)
 
 

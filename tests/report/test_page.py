@@ -228,6 +228,7 @@ def test_the_answer_says_the_numbers(study: StudyResult, reader: Reader) -> None
     assert text.index("Before use") < text.index("One damping ratio holds at one amplitude")
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_a_level_is_said_as_it_was_asked(study: StudyResult) -> None:
     """A design force that stands for a level of another drive: the answer begins with that level."""
     result = replace(study.records[0], posteriors=(), design_levels=("0.4 g", "0.8 g"))
@@ -236,6 +237,7 @@ def test_a_level_is_said_as_it_was_asked(study: StudyResult) -> None:
     assert f"at 0.8 g (a modal force of {force}) expect {number(result.design.average.median[1])} in" in page
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_a_refused_prediction_is_said_once_and_without_units_of_nothing(study: StudyResult) -> None:
     """Design forces were asked for and none has a prediction: that is said, with the reason, and no table of dashes."""
     peaks, nothing = study.records[0], np.full(2, np.nan)
@@ -252,6 +254,7 @@ def test_a_refused_prediction_is_said_once_and_without_units_of_nothing(study: S
     assert not re.search("– (to|in|%)", page)
 
 
+@pytest.mark.usefixtures("no_drawing")
 @pytest.mark.parametrize(("levels", "said"), [((), "{}"), (("0.4 g", "0.8 g"), "0.8 g")])
 def test_an_answer_for_less_than_the_largest_design_force_says_so(study: StudyResult, levels, said: str) -> None:
     """The largest was refused: its reason comes before the numbers of the next one are used as those of the design."""
@@ -269,6 +272,7 @@ def test_an_answer_for_less_than_the_largest_design_force_says_so(study: StudyRe
     assert page.index("Before use") < before < page.index("One damping ratio holds")
 
 
+@pytest.mark.usefixtures("no_drawing")
 @pytest.mark.parametrize(("decay", "said"), [(False, "3 force levels"), (True, "2 amplitude levels of free decay")])
 def test_levels_of_a_decay_are_of_amplitude(study: StudyResult, decay: bool, said: str) -> None:
     """Amplitudes of 1.229, 1.439 and 1.567 in: the last two within a tenth, whose forces are 16 % apart."""
@@ -278,6 +282,7 @@ def test_levels_of_a_decay_are_of_amplitude(study: StudyResult, decay: bool, sai
     assert f"3 points at {said}" in page
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_a_base_is_no_force_and_only_what_is_stated_is_said(study: StudyResult) -> None:
     mode = study.records[0].mode
     shaken = replace(mode, damping={}, units=mode.units.of_base_drive)

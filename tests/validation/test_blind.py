@@ -79,7 +79,7 @@ def test_the_seed_alone_decides_the_cases(made, tmp_path):
 
 
 @pytest.fixture
-def diagnosis(monkeypatch, no_layout) -> list[dict[str, object]]:
+def diagnosis(monkeypatch, no_drawing) -> list[dict[str, object]]:
     """A diagnosis that finds nothing, and what it was given."""
     calls: list[dict[str, object]] = []
 

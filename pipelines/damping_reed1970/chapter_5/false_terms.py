@@ -22,7 +22,7 @@ from damping_reed1970 import columns, load_table
 from damping_reed1970.chapter_5 import GENERATOR, energy_design
 from damping_reed1970.chapter_5.nine_terms import NINE_TERMS
 
-BLOCK = 200  #: responses treated at once, for the sake of memory
+BLOCK = 500  #: responses treated at once, for the sake of memory; fewer take longer, more hardly less
 
 
 @dataclass(frozen=True)

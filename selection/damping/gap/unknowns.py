@@ -206,22 +206,23 @@ def list_evidences(fit: ModelFit, unknown: Unknowns, wild: bool = True) -> Float
     regular = float(np.sum(weights[:own][rows.seen[:own]] > WILD_WEIGHT))
     robust = float(log_likelihood(fit.r)) + 0.5 * float(weights @ fit.r**2) if wild else 0.0
     base = robust + 0.5 * regular * np.log(precision) - regular * np.log(fit.model.scatter.noise)
-    of_correlations = []
+    products, log_dets = [], []
     for rho in unknown.correlations:
         white, log_det = decorrelate(np.column_stack([J, start]), fit.model, rho)
         of_mode, further = (part.T @ part for part in (white[:own], white[own:]))
-        products = np.multiply.outer(precision, of_mode) + further
-        of_correlations.append(base + log_det + _integrate(products, sweeps, unknown.scatters))
-    return np.stack(of_correlations, axis=1)
+        products.append(np.multiply.outer(precision, of_mode) + further)
+        log_dets.append(log_det)
+    integrated = _integrate(np.concatenate(products), sweeps, unknown.scatters)
+    return np.asarray(base + np.array(log_dets)[:, np.newaxis] + integrated.reshape(unknown.log_prior.shape))
 
 
 def _integrate(products: FloatArray, sweeps: int, scatters: Sequence[tuple[float, float]]) -> FloatArray:
-    """ln of the Gaussian integral over variables and deviations of sweeps, (scatters, noises).
+    """ln of the Gaussian integral over variables and deviations of sweeps, (scatters, products).
 
     That is -(r.r - g^T H^-1 g + ln det H)/2, g = D J^T r, H = 1 + D J^T J D, from the ``products`` of (J, r) with
-    itself at each noise, (noises, n, n). D is 1 for variables, else the scatter of gain or frequency. A row lies in one
-    sweep, so the deviations make blocks of two by two. These are eliminated first, then the variables one by one, for
-    all scatters and noises at once.
+    itself at each noise and correlation, (products, n, n). D is 1 for variables, else the scatter of gain or frequency.
+    A row lies in one sweep, so the deviations make blocks of two by two. These are eliminated first, then the variables
+    one by one, for all scatters and products at once.
     """
     k, scattered = products.shape[-1] - 1 - 2 * sweeps, len(scatters)
     kept, gain = np.array([*range(k), -1]), np.arange(k, k + sweeps)  # variables and residuals; gains
@@ -239,7 +240,7 @@ def _integrate(products: FloatArray, sweeps: int, scatters: Sequence[tuple[float
         [_multiply_outer(u, u), _multiply_outer(v, v), _multiply_outer(u, v) + _multiply_outer(v, u)], axis=1
     )
     flat = outer.reshape(*outer.shape[:2], -1)
-    eliminated = np.swapaxes(flat, 1, 2) @ inverse  # (noises, pairs of variables and residuals, scatters)
+    eliminated = np.swapaxes(flat, 1, 2) @ inverse  # (products, pairs of variables and residuals, scatters)
     eliminated = np.moveaxis(eliminated.reshape(-1, k + 1, k + 1, scattered), 0, -1)
     reduced = np.moveaxis(products[:, kept[:, np.newaxis], kept], 0, -1)[:, :, np.newaxis] - eliminated
     reduced[range(k), range(k)] += 1.0
