@@ -932,10 +932,10 @@ def test_a_number_too_large_to_be_squared_is_no_number(tmp_path):
 @pytest.mark.parametrize(
     ("frequency", "level", "said"),
     [
-        ([25.0, 40.0], [0.5, np.nan], "--design: level nan"),
-        ([25.0, 40.0], [0.5, 1e308], r"--design: level 1e\+308"),
-        ([25.0, 25.0], [0.5, 0.4], "--design: frequency 25 Hz"),
-        ([-1.0, 25.0], [0.5, 0.4], "--design: frequency -1 Hz"),
+        ([25.0, 40.0], [0.5, np.nan], "--design is no level: level nan"),
+        ([25.0, 40.0], [0.5, 1e308], r"--design is no level: level 1e\+308"),
+        ([25.0, 25.0], [0.5, 0.4], "--design is no level: frequency 25 Hz"),
+        ([-1.0, 25.0], [0.5, 0.4], "--design is no level: frequency -1 Hz"),
     ],
 )
 def test_a_design_level_names_the_number_that_is_none(frequency, level, said):

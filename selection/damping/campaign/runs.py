@@ -187,10 +187,10 @@ class DesignLevel:
         wrong = self.level[~((self.level >= SMALLEST) & (self.level <= LARGEST))]
         if wrong.size:
             expected = f"levels > 0, of a magnitude of {SMALLEST:g} to {LARGEST:g}"
-            raise InputError(f"--design: level {wrong[0]:g}", expected=expected)
+            raise InputError(f"--design is no level: level {wrong[0]:g}", expected=expected)
         steps = np.diff(self.frequency, prepend=0.0)
         if not np.all(steps > 0.0):
-            fault = f"--design: frequency {self.frequency[int(np.argmin(steps > 0.0))]:g} Hz"
+            fault = f"--design is no level: frequency {self.frequency[int(np.argmin(steps > 0.0))]:g} Hz"
             raise InputError(fault, expected="frequencies > 0, each above the last")
 
     @classmethod
