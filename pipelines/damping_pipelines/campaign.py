@@ -135,8 +135,8 @@ def _read_design(word: str) -> tuple[DesignLevel, str]:
         of_frequency, of_level = (table.headers[places[name]] for name in named)
         numbers, _ = table.read(places)
         hertz = find_abscissa_factor("frequency", of_frequency.unit)
-    peak = SCALINGS[of_level.scaling or "peak"]
-    return DesignLevel(hertz * numbers["frequency"], peak * numbers["level"]), of_level.unit
+        peak = SCALINGS[of_level.scaling or "peak"]
+        return DesignLevel(hertz * numbers["frequency"], peak * numbers["level"]), of_level.unit
 
 
 def _require_units(texts: Sequence[str], drive: str) -> None:

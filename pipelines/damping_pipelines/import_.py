@@ -119,6 +119,7 @@ def _refuse_steady(stated: Stated) -> None:
         "--force": stated.forces,
         "--scale force": stated.scale.get("force"),
         "--unit force": stated.units.get("force"),
+        "--reverse": stated.reverse,
     }
     of_sine = {"--band": stated.band, "--scaling": stated.scaling or stated.force_scaling}
     for options, expected in ((of_force, no_force), (of_sine, no_sine)):

@@ -142,15 +142,18 @@ def title_structures(modes: Mapping[str, str]) -> dict[str, str]:
 #: Colours of the parts of a prediction's spread, in order.
 _COLOURS = ("#999933", "#56b4e9", "#d55e00", "#0b2545")
 
+#: Where the legend of a panel lies: below it, for the curves may lead anywhere in it.
+_BELOW: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.24), "fontsize": 7.5}
+
 
 @plots.styled
 def draw_real_bands(band: BandResult) -> Figure:
     """Draw three panels side by side: beyond the test, higher levels left out, standard deviations of the parts."""
-    figure, axes = plots.build_panels(3.1, 1, 3, 1.35 * plots.TEXT_WIDTH, width_ratios=[5, 3.4, 3.4])
+    figure, axes = plots.build_panels(4.2, 1, 3, 1.35 * plots.TEXT_WIDTH, width_ratios=[5, 3.4, 3.4])
     bands = forms.tabulate_loads(band.grid)
     _draw_bands(axes[0], bands, band)
-    _draw_left_out(axes[1], band.left_out)
-    _draw_parts(axes[2], bands)
+    draw_left_out(axes[1], band.left_out)
+    draw_parts(axes[2], bands)
     return figure
 
 
@@ -173,31 +176,35 @@ def _draw_bands(ax: Axes, bands: pd.DataFrame, band: BandResult) -> None:
     ax.set(xlim=(force.min(), force.max()), title="beyond the test")
     ax.set_xlabel(plots.describe_with_unit("force at resonance", band.mode.units.force))
     ax.set_ylabel(plots.describe_with_unit("resonant amplitude", band.mode.units.length))
-    ax.legend()
+    ax.legend(**_BELOW)
 
 
-def _draw_left_out(ax: Axes, left_out: pd.DataFrame) -> None:
+def draw_left_out(ax: Axes, left_out: pd.DataFrame) -> None:
     """Bands relative to measurements at levels left out; a cross for a refused prediction."""
     place = np.arange(len(left_out))
     low, median, high = (left_out[name] / left_out["measured"] for name in ("low", "median", "high"))
-    ax.vlines(place, low, high, color=plots.CREDIBLE, linewidth=5)
-    ax.plot(place, median, "o", color=plots.AVERAGE, markersize=4)
-    linear = 1.0 + left_out["linear_over_percent"] / 100.0
-    ax.plot(place, linear, "_", color=plots.LINEAR, markersize=9, markeredgewidth=1.8)
     refused = left_out["refused"].to_numpy(bool)
-    ax.plot(place[refused], np.ones(refused.sum()), "x", color=plots.ALERT)
+    if not refused.all():
+        ax.vlines(place, low, high, color=plots.CREDIBLE, linewidth=5, label=f"{100 * LEVEL:g} % predictive")
+        ax.plot(place, median, "o", color=plots.AVERAGE, markersize=4, label="median")
+    linear = 1.0 + left_out["linear_over_percent"] / 100.0
+    ax.plot(place, linear, "_", color=plots.LINEAR, markersize=9, markeredgewidth=1.8, label="linear")
+    if refused.any():
+        ax.plot(place[refused], np.ones(refused.sum()), "x", color=plots.ALERT, label="refused")
     ax.axhline(1.0, color=plots.MEASURED, linewidth=0.8)
     labels = [f"{r.sweep}\nfrom {r.levels}\n× {r.ratio:.1f}" for r in left_out.itertuples()]
     ax.set_xticks(place, labels, fontsize=6.5)
     ax.grid(visible=False, axis="x")
     ax.set(
         xlim=(-0.6, len(left_out) - 0.4),
-        ylabel=f"{100 * LEVEL:g} % predictive over measured",
+        ylabel="predicted over measured",
         title="higher levels left out",
     )
+    if len(left_out):
+        ax.legend(**_BELOW)
 
 
-def _draw_parts(ax: Axes, bands: pd.DataFrame) -> None:
+def draw_parts(ax: Axes, bands: pd.DataFrame) -> None:
     """Standard deviation of each part against the extrapolation ratio."""
     parts = bands[[forms.PART + name for name in forms.PART_NAMES]]
     for name, label, colour in zip(parts, forms.PART_NAMES.values(), _COLOURS, strict=True):
@@ -207,4 +214,4 @@ def _draw_parts(ax: Axes, bands: pd.DataFrame) -> None:
     ax.set(xscale="log", xlabel="force over largest tested", ylabel="standard deviation, % of amplitude")
     scales.plain_log(ax.xaxis)
     ax.set_title("four parts")
-    ax.legend()
+    ax.legend(**_BELOW)

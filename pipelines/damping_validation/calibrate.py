@@ -198,7 +198,7 @@ def draw_coverage(table: pd.DataFrame) -> Figure:
     names = list(dict.fromkeys(table["truth"]))[::-1]
     figure, (left, right) = build_panels(0.28 * len(names) + 1.0, 1, 2, TEXT_WIDTH, sharey=True)
     for ax, column, goal in ((left, "held", trial.LEVEL), (right, "above", 0.5 * (1.0 - trial.LEVEL))):
-        ax.axvline(goal, color=ALERT, linewidth=1.0, linestyle="--")
+        ax.axvline(goal, color=ALERT, linewidth=1.0, linestyle="--", label="share of an exact band")
         for shift, ratio in zip((-0.22, 0.0, 0.22), sorted(set(table["ratio"].to_numpy(float))), strict=True):
             rows = table[(table["ratio"] == ratio) & (table["given"] > 0)]
             place = np.array([names.index(name) for name in rows["truth"]]) + shift
@@ -211,7 +211,7 @@ def draw_coverage(table: pd.DataFrame) -> Figure:
     left.set_yticks(np.arange(len(names)), names)
     left.set_xlabel(f"share inside the {100 * trial.LEVEL:g} % band")
     right.set_xlabel("share above it (lines: 95 % interval)")
-    right.legend()
+    figure.legend(*right.get_legend_handles_labels(), loc="outside lower center", ncols=4)  # not on the intervals
     return figure
 
 

@@ -165,12 +165,17 @@ def describe_disagreement(loads: Loads, explained: Explained) -> tuple[str, ...]
             first = explained.hypotheses[0]
             cause, leading = (" and ".join(each.effects) or "no effect" for each in (explanation, first))
             stays = f"; {leading}, which leads ({first.probability:.2f}), stays within the band"
-            ranked = f"{band.median[at]:.4g} {units.length}".rstrip()
+            ends = {f"{end[at]:.3g}" for end in (band.low, band.high)}
+            digits = (
+                4 if f"{amplitude[at]:.3g}" in ends else 3
+            )  # as bands are printed; one more where these would agree
+            median, low, high, corrects = (f"{x[at]:.{digits}g}" for x in (band.median, band.low, band.high, amplitude))
+            ranked = f"{median} {units.length}".rstrip()
             return (
                 f"ranking and diagnosis disagree at the {units.drive} {loads.force[at]:.4g} {units.force}".rstrip()
-                + f": the ranked laws predict {ranked} ({band.low[at]:.4g} to {band.high[at]:.4g}), the simulation"
+                + f": the ranked laws predict {ranked} ({low} to {high}), the simulation"
                 f" corrected by {cause}, which the diagnosis does not exclude (probability"
-                f" {explanation.probability:.2f}), {amplitude[at]:.4g} {units.length}".rstrip()
+                f" {explanation.probability:.2f}), {corrects} {units.length}".rstrip()
                 + ("" if explanation is first else stays),
             )
     return ()

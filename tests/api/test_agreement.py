@@ -90,7 +90,10 @@ def test_both_say_where_they_disagree(disagreeing):
     assert "velocity-squared, which leads" in said
     assert "stays within the band" in said
     prediction = loads.to_json()["predictions"][0]
-    assert f"{prediction['median']:.4g}" in said
+    median, low, high = (
+        f"{prediction[end]:.3g}" for end in ("median", "low", "high")
+    )  # no more than bands are known to
+    assert f": the ranked laws predict {median} in ({low} to {high}), the simulation" in said
     assert loads.to_json()["cautions"][0] == said
     assert loads.headlines[0] == said
 

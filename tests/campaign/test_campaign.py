@@ -1083,8 +1083,19 @@ def test_a_mode_that_is_asked_for_and_not_there_is_named(tmp_path):
     assert [round(mode.mode.frequency) for mode in tied] == [58]
     (note,) = describe_lost(levels, tied, asked)
     assert note == "the mode near 300 Hz is left out, because no sensor shows it 8 standard errors out of the noise"
-    with pytest.raises(AnalysisError, match="of the modes sought near 300 Hz none stands 8 standard errors"):
+    with pytest.raises(AnalysisError, match=r"of the modes sought near 300 Hz none stands 8 standard .*: name others"):
         tie_modes(fit_levels(runs, [300.0]), asked=[300.0])
+    with pytest.raises(InputError, match=r"--modes 300: no run holds that frequency; expected 45 to 75 Hz"):
+        analyse([tmp_path / "sine.h5"], frequencies=asked)
+
+
+def test_a_mode_with_less_than_a_window_in_every_decay_is_refused(tmp_path):
+    """A window of six periods of 0.1 Hz takes 60 s, each decay 20 s."""
+    t = np.arange(0.0, 20.0, 0.01)
+    q = np.exp(-0.1 * t) * np.cos(2 * np.pi * 2.0 * t)
+    pd.DataFrame({"time [s]": t, "roof [m/s2]": q, "mid [m/s2]": 0.5 * q}).to_csv(tmp_path / "a.csv", index=False)
+    with pytest.raises(InputError, match=r"--modes 0\.1: no run holds that frequency; expected 0\.300\d Hz or more"):
+        analyse([tmp_path / "a.csv"], frequencies=[0.1, 2.0])
 
 
 def test_the_page_of_a_repeated_campaign_says_what_changed(bare_mode):

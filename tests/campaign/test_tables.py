@@ -14,7 +14,7 @@ from nptdms import ChannelObject, TdmsWriter
 
 from damping.campaign import analyse
 from damping.campaign.records import describe_lost, fit_levels, tie_modes
-from damping.campaign.runs import ChannelCorrection, Corrections
+from damping.campaign.runs import ChannelCorrection, Corrections, DesignLevel
 from damping.campaign.sensors import find_exchanged
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
@@ -904,3 +904,40 @@ def test_groups_against_time_and_frequency_are_runs_of_one_file(tmp_path):
     np.testing.assert_array_equal(spectra.channels[0].samples, TRUTH[2.0][0])
     ratio = tracked.channels[0].samples / tracked.drive
     np.testing.assert_allclose(ratio, 3.0, rtol=1e-9)  # one signal of two sizes
+
+
+def test_a_number_too_large_to_be_squared_is_no_number(tmp_path):
+    """A row of a table without it is left out; in arrays and signals, which have no gaps, it is refused."""
+    f = np.linspace(45.0, 55.0, 60)
+    H = 1.0 / (50.0**2 - f**2 + 2j * f)
+    motion = np.abs(H)
+    motion[7] = 1e200
+    columns = {"frequency [Hz]": f, "force [N]": 1.0, "tip [mm]": motion, "tip lag [deg]": -np.angle(H, deg=True)}
+    pd.DataFrame(columns).to_csv(tmp_path / "sine_1N.csv", index=False)
+    (run,), summary = read_runs([tmp_path / "sine_1N.csv"], 10_000_000)
+    assert len(run.x) == 59
+    assert any("1 row of" in note and "left out" in note for note in summary.notes)
+    with h5py.File(tmp_path / "sine.h5", "w") as file:
+        group = file.create_group("run_1N")
+        group["frequency"], group["force"], group["tip"] = f, np.ones(60, complex), motion + 0j
+        group["force"].attrs["units"], group["tip"].attrs["units"] = "N", "mm"
+    with pytest.raises(InputError, match=r"'tip' holds values beyond 1e\+50, the first in row 8 of 60"):
+        read_runs([tmp_path / "sine.h5"], 10_000_000)
+    pd.DataFrame({"time [s]": f - 45.0, "tip [mm]": motion}).to_csv(tmp_path / "decay.csv", index=False)
+    with pytest.raises(InputError, match=r"line 9, .*1e.200") as refused:
+        read_runs([tmp_path / "decay.csv"], 10_000_000)
+    assert refused.value.column == "tip [mm]"
+
+
+@pytest.mark.parametrize(
+    ("frequency", "level", "said"),
+    [
+        ([25.0, 40.0], [0.5, np.nan], "--design is no level: level nan"),
+        ([25.0, 40.0], [0.5, 1e308], r"--design is no level: level 1e\+308"),
+        ([25.0, 25.0], [0.5, 0.4], "--design is no level: frequency 25 Hz"),
+        ([-1.0, 25.0], [0.5, 0.4], "--design is no level: frequency -1 Hz"),
+    ],
+)
+def test_a_design_level_names_the_number_that_is_none(frequency, level, said):
+    with pytest.raises(InputError, match=said):
+        DesignLevel(np.array(frequency), np.array(level))

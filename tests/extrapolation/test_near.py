@@ -425,6 +425,20 @@ def test_a_law_that_rows_exclude_yields_to_its_equal_at_resonance(swept):
     assert loads.average.median[0] == pytest.approx(0.5 * np.pi * 4.0 / 3.0, rel=0.02)  # C = 2 c A/pi
 
 
+def test_a_verdict_on_all_rows_says_that_its_law_leads_at_resonance_alone(swept):
+    """Beside a ranking of all rows, in which another law may lead. Phases that wave by 0.1 rad are of no law."""
+    record = swept(Viscous(0.1), np.array([1.0, 2.0, 4.0]), noise=0.002)
+    frame = record.frame.copy()
+    frame["phase"] += 0.1 * np.sin(40.0 * frame["frequency"])
+    frame = frame.assign(phase_sd=0.002, amplitude_sd=0.002 * frame["amplitude"])
+    record = Record(frame)
+    plan = plan_loads(near_resonance(record), [Law(("viscous",)), Law(("displacement",))], estimate=brief_evidence)
+    judged = judge_rows(plan, observe(record), estimate=brief_evidence)
+    assert judged.fit.verdict == "none fits"
+    assert judged.fit.sentence.startswith("no law fits: the law leading at resonance alone, ")
+    assert "resonance alone" not in plan.fit.sentence
+
+
 def test_the_verdict_is_that_of_the_law_that_leads_once_others_are_left_out(swept):
     """Rows that state 0.5 % beside a law that misses three resonances by 4 %: the law that takes part fits."""
     record = swept(Sum((Viscous(0.008), VelocitySquared(0.1))), 0.01 * np.array([2.0, 5.0, 10.0]), noise=0.005)

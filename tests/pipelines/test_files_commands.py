@@ -135,7 +135,7 @@ def test_a_ring_down(tmp_path, damping):
     assert "--mode MODE.toml with the frequency and mass" in damping(*words, "--ring-down").err
     assert "--levels without --ring-down" in damping(*words, "--levels", 5).err
     decays = (*words, "--ring-down", "--mode", tmp_path / "m.toml", "--levels", 5)
-    for option in ("--force=1", "--band=5:20", "--scaling=rms", "--scaling=force=rms"):
+    for option in ("--force=1", "--band=5:20", "--scaling=rms", "--scaling=force=rms", "--reverse"):
         assert f"{option.split('=')[0]} beside --ring-down" in damping(*decays, option).err
     for option in ("--scale force=2", "--unit force=lbf"):
         assert f"{option.split('=')[0]} beside --ring-down" in damping(*decays, *option.split()).err

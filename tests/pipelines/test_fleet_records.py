@@ -128,7 +128,7 @@ def test_a_fleet_says_where_ranking_and_diagnosis_disagree(tmp_path, monkeypatch
     loads, gap = json.loads(row["loads_form"]), json.loads(row["gap_form"])
     said = loads["cautions"][0]
     assert said.startswith("ranking and diagnosis disagree at the force 90 lb")
-    assert f"{loads['predictions'][0]['median']:.4g}" in said
+    assert f"predict {loads['predictions'][0]['median']:.3g} in (" in said
     assert gap["cautions"][0] == row["cautions"][0] == said
     assert len(calls) == 1
 

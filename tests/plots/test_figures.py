@@ -13,12 +13,14 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from damping.plots import to_svg
+from damping.plots import build_panels, to_svg
 from damping.plots.curves import damping_curve, design_loads, fitted_sweeps, mode_over_level
 from damping.plots.fits import corner, predictive_check, ranking, sweeps
 from damping.plots.gap import MODELS, gap_map, gap_overlay
+from damping.report import forms
 from damping_pipelines.fleet.page import leading_laws
 from damping_reed1970.reproduction import describe_group_of, draw_reproduction, tabulate_percent_differences
+from damping_validation.bands import draw_left_out, draw_parts
 from damping_validation.calibrate import draw_coverage
 
 HOSTILE = "<b>$x</b>&\"'"
@@ -212,6 +214,44 @@ def test_coverage_of_a_structure_without_a_prediction_is_not_drawn() -> None:
     for axes, share in zip(draw_coverage(table).axes, (1.0, 0.0), strict=True):
         marks = [np.asarray(line.get_xdata()) for line in axes.lines if str(line.get_label()).endswith("times")]
         assert [mark.tolist() for mark in marks] == [[share]] * 3
+
+
+def test_the_legend_of_coverage_lies_on_no_interval_and_names_the_dashed_line() -> None:
+    counts = {"given": [2, 2] * 3, "held": [0, 2] * 3, "above": [0, 0] * 3}
+    table = pd.DataFrame({"truth": ["a", "b"] * 3, "ratio": np.repeat([1.5, 2.0, 4.0], 2), **counts})
+    figure = draw_coverage(table)
+    FigureCanvasAgg(figure).draw()
+    (legend,) = figure.legends
+    assert not any(legend.get_window_extent().overlaps(axes.get_window_extent()) for axes in figure.axes)
+    assert legend.get_texts()[0].get_text() == "share of an exact band"
+
+
+@pytest.mark.parametrize("refused", [(True,), (False, True), (False,), ()])
+def test_legends_of_bands_lie_beside_the_curves_and_name_every_mark(refused) -> None:
+    count = len(refused)
+    left_out = pd.DataFrame(
+        {"sweep": ["4 N"] * count, "levels": 2, "ratio": 2.0, "measured": 1.0, "linear_over_percent": 25.0}
+        | dict.fromkeys(("low", "median", "high"), 1.0)
+        | {"refused": np.array(refused, dtype=bool)}
+    )
+    ratio = np.geomspace(0.2, 4.4, 20)
+    columns = (
+        "force",
+        "extrapolation_ratio",
+        *(f"{ends}{end}" for ends in ("", "credible_") for end in ("low", "high")),
+    )
+    bands = pd.DataFrame(dict.fromkeys((*columns, "median", "linear"), ratio))
+    bands = bands.assign(**{forms.PART + name: ratio for name in forms.PART_NAMES})
+    figure, axes = build_panels(4.2, 1, 3, 10.0)
+    draw_left_out(axes[1], left_out)
+    draw_parts(axes[2], bands)
+    FigureCanvasAgg(figure).draw()
+    legends = [panel.get_legend() for panel in axes[1:]]
+    for legend, panel in zip(legends, axes[1:], strict=True):
+        assert legend is None or not legend.get_window_extent().overlaps(panel.get_window_extent())
+    said = [text.get_text() for text in legends[0].get_texts()] if legends[0] else []
+    predicted = ["90 % predictive", "median"] * (False in refused)
+    assert said == (predicted + ["linear"] + ["refused"] * (True in refused)) * bool(count)
 
 
 @pytest.mark.parametrize("wild", [(), (4,), (1, 4)])

@@ -518,6 +518,9 @@ def test_a_base_acceleration_in_g_is_named_whatever_the_participation(length, g,
         ("amplitude_sd", 0.5, "amplitude_sd is 20 times"),  # 0.5 per cent of 0.025
         ("force_sd", 2.0, "force_sd is 2 times"),
         ("phase_sd", 1.5, "phase_sd is 1.5 rad"),
+        ("amplitude_3", 0.25, "amplitude_3 is 10 times"),  # a hundredth of 0.025, in mm for m
+        ("amplitude_3", 0.0083, ""),  # a third: that of a square wave
+        ("amplitude_3", np.nan, ""),  # a blank
         ("amplitude_sd", 0.001, ""),
         ("phase_sd", 0.01, ""),
     ],

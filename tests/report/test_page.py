@@ -394,3 +394,9 @@ def test_no_value_at_the_start_of_a_block_is_taken_for_the_texts_own_words(name,
     (section,) = write_sections(text, {"name": name})
     assert section.blocks == [Text(f"{name}: three points."), Text("After it.")]
     assert fill_text(text, {"name": name}).splitlines()[2] == f"{name}: three points."
+
+
+@pytest.mark.parametrize("versions", [{}, {"numpy": "2", "scipy": "1"}])
+def test_a_page_without_versions_has_no_line_for_them(versions):
+    html = render_page("x", [Section("s", "S", [])], Footer(1, versions, {}))
+    assert ("<dt>Versions</dt>" in html) == bool(versions)

@@ -7,7 +7,7 @@ amplitude A at a modal force F gives one of damping ratio, z = F/(2 m w^2 A).
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
-from math import hypot, isfinite, pi
+from math import hypot, inf, isfinite, pi
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from damping.campaign.answer import LEAST_SPREAD, NORMAL_90, Campaign, ModeAnswe
 from damping.campaign.comparison import compare_predictions, describe_changes
 from damping.campaign.decays import answer_decays
 from damping.campaign.delays import describe_delay, measure_delay
-from damping.campaign.modal_fit import Level
+from damping.campaign.modal_fit import MOVED, Level
 from damping.campaign.notches import find_notches
 from damping.campaign.records import DrivenMode, describe_lost, fit_right_levels, tie_modes
 from damping.campaign.responses import Forecast, add_responses, describe_turned, find_input
@@ -31,6 +31,7 @@ from damping.formats.quantity import unit
 from damping.formats.series import Stated, Summary
 from damping.infer import SEED
 from damping.records.text import DEFAULT_MAX_SIZE
+from damping.signals.windows import PERIODS
 
 #: Distance of the phase resonance from the fitted frequency, in half-power half-widths, beyond which a level is read at
 #: the former: the fit has one frequency for a whole level, and a stiffness that changes with amplitude bends the peak.
@@ -65,6 +66,7 @@ def analyse(
     AnalysisError: no mode can be followed over the levels.
     """
     runs, summary = read_runs(files, max_size, corrections, facts)
+    _require_held(runs, frequencies)
     inputs = [level if isinstance(level, DesignLevel) else DesignLevel.flat(level) for level in design]
     names = runs[0].names
     unknown = next((name for name in limits or {} if name not in names), None)
@@ -82,6 +84,17 @@ def analyse(
     campaign = _with_summary(_answer_sweeps(runs, inputs, frequencies, seed, summary, trusted, limits or {}), summary)
     outcomes, changes = compare_predictions(before, campaign), describe_changes(before, campaign)
     return replace(campaign, outcomes=outcomes, changes=changes)
+
+
+def _require_held(runs: Sequence[CampaignRun], frequencies: Sequence[float]) -> None:
+    """InputError for the frequency of a mode, Hz, that lies beyond the rows of all runs, or in no window of a decay."""
+    low, high = min(float(run.x.min()) for run in runs), max(float(run.x.max()) for run in runs)
+    if runs[0].is_time:  # the upper limit, by the sampling rate, is that of the window
+        low, high = PERIODS / max(float(run.x[-1] - run.x[0]) for run in runs), inf
+    for at in frequencies:
+        if not low / (1.0 + MOVED) <= at <= high * (1.0 + MOVED):
+            held = f"{low:.4g} to {high:.4g} Hz" if isfinite(high) else f"{low:.4g} Hz or more"
+            raise InputError(f"--modes {at:g}: no run holds that frequency", expected=held)
 
 
 def _answer_sweeps(

@@ -163,7 +163,8 @@ def tie_modes(
         near = ", ".join(f"{at:.4g}" for at in sorted(asked) or levels[0].fit.frequency)
         seen = f"of the modes sought near {near} Hz none stands {LEAST_T:g} standard errors out of the noise"
         merged = [text for k in range(len(levels[0].fit.frequency)) for text in describe_excess(levels, k)]
-        raise AnalysisError("; ".join([f"{seen} at every level: name the modes (--modes F1,F2,... in Hz)", *merged]))
+        remedy = "name others, or none" if len(asked) else "name the modes"
+        raise AnalysisError("; ".join([f"{seen} at every level: {remedy} (--modes F1,F2,... in Hz)", *merged]))
     return modes
 
 

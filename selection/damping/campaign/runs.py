@@ -29,7 +29,7 @@ from damping.formats.headers import ORDERS
 from damping.formats.levels import DRIVE, find_level
 from damping.formats.quantity import find_powers, unit
 from damping.formats.series import Samples, Summary
-from damping.records.keys import TomlTable, read_toml
+from damping.records.keys import LARGEST, SMALLEST, TomlTable, read_toml
 from damping.records.text import count, describe_shortened
 
 LABEL_AGREES = 0.15  #: a control within this share of the level in its label has that level
@@ -184,9 +184,14 @@ class DesignLevel:
     level: FloatArray
 
     def __post_init__(self) -> None:
-        rising = len(self.frequency) == 1 or bool(np.all(np.diff(self.frequency) > 0.0))
-        if not (rising and np.all(np.isfinite(self.level)) and np.all(self.level > 0.0) and self.frequency[0] > 0.0):
-            raise InputError("--design is no level", expected="levels > 0 over rising frequencies > 0")
+        wrong = self.level[~((self.level >= SMALLEST) & (self.level <= LARGEST))]
+        if wrong.size:
+            expected = f"levels > 0, of a magnitude of {SMALLEST:g} to {LARGEST:g}"
+            raise InputError(f"--design is no level: level {wrong[0]:g}", expected=expected)
+        steps = np.diff(self.frequency, prepend=0.0)
+        if not np.all(steps > 0.0):
+            fault = f"--design is no level: frequency {self.frequency[int(np.argmin(steps > 0.0))]:g} Hz"
+            raise InputError(fault, expected="frequencies > 0, each above the last")
 
     @classmethod
     def flat(cls, level: float) -> DesignLevel:

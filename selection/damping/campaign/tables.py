@@ -25,6 +25,7 @@ from damping.formats.sensors import SensorColumns, group_columns
 from damping.formats.series import Samples, Series, Summary, require_finite
 from damping.formats.sweeps import SweepMotion, find_refined
 from damping.formats.tables import SensorTable, list_reading_series, read_tables
+from damping.records.keys import LARGEST
 from damping.records.text import count, describe_shortened
 
 #: Least area, twice and over the largest |H|^2, that H passes round 0 in the mean of sensors and sweeps, for phases to
@@ -48,8 +49,7 @@ class _Content:
         """The series of a sensor or drive, one for each sweep, each with the ``drive``."""
         roles = {role: place for role, place in self.table.rows.items() if role != "sweep"} | dict(reading.roles)
         if drive is not None:
-            has_parts = "x" in drive.roles
-            roles |= {f"force_{r}": drive.roles[r] for r in "xy"} if has_parts else {"force": drive.main}
+            roles |= {f"force_{r}": drive.roles[r] for r in "xy"} if "x" in drive.roles else {"force": drive.main}
         stated, summary = self.source.facts, self.source.summary
         return list_reading_series(self.table, roles, self.values, self.labels, stated, summary)
 
@@ -210,10 +210,11 @@ class _SweepRows:
 
 def _list_rows(content: _Content, of: Series, values: Mapping[str, Samples]) -> _SweepRows:
     """The rows of a sweep at which everything was measured, in the order of frequency."""
-    measured = np.all([np.isfinite(of.abscissa), of.abscissa > 0.0, *map(np.isfinite, values.values())], axis=0)
-    measured &= np.all([np.abs(values[reading.name]) > 0.0 for reading in content.drives], axis=0)
+    known = {name: np.abs(column) <= LARGEST for name, column in values.items()}  # false of NaN
+    driven = (values[reading.name] != 0.0 for reading in content.drives)
+    measured = np.all([of.abscissa > 0.0, of.abscissa <= LARGEST, *known.values(), *driven], axis=0)
     if not measured.any():
-        empty = next((f" ({name!r} has none)" for name, column in values.items() if not np.isfinite(column).any()), "")
+        empty = next((f" ({name!r} has none)" for name, rows in known.items() if not rows.any()), "")
         expected = "a frequency > 0, a drive > 0 and every response; --correct FILE.toml: role = 'out'"
         raise InputError(f"{of.label}: no row has all numbers{empty}", expected=expected)
     if lost := int(np.count_nonzero(~measured)):

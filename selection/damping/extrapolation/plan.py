@@ -132,7 +132,8 @@ def judge_rows(plan: Plan, all_rows: Observations, seed: int = 0, estimate: Esti
         else:
             kept.append(_replace_by_equal(allowed, member, plan.data, seed, estimate))
     leader = next((fits[member.law] for member in kept if member.law in fits), best)
-    on_rows = judge_fit(leader, [fit for fit in fits.values() if fit is not leader], all_rows, seed)
+    others = [fit for fit in fits.values() if fit is not leader]
+    on_rows = replace(judge_fit(leader, others, all_rows, seed), by_resonances=True)
     fit = plan.fit
     if on_rows.verdict != "fits" or on_rows.rough:
         fit = on_rows

@@ -8,7 +8,6 @@ import re
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.cells import DECIMALS, NUMBER, Thousands, find_decimal, read_number
 from damping.formats.headers import PHASES, ColumnHeader, find_shared_name, merge_units, parse_header, recognise
+from damping.records.keys import LARGEST
 from damping.records.text import CsvRows, count, describe_cell, describe_meant, describe_shortened, recode, unguarded
 
 _LONGEST_LINE = 1_000_000
@@ -154,7 +154,7 @@ class TextTable:
                 raise InputError(f"{count(len(row), 'cell')} in the row", line=line, expected=expected)
             for role, column in values.items():
                 column.append(read_number(row[places[role]], decimal, line, names[places[role]]))
-                if role in gapless and not isfinite(column[-1]):
+                if role in gapless and not abs(column[-1]) <= LARGEST:
                     what = describe_cell(row[places[role]])
                     raise InputError(what, line=line, column=names[places[role]], expected="a number in every row")
             for place in (places[role] for role in values) if thousands.is_possible else ():

@@ -16,6 +16,7 @@ import pandas as pd
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.headers import NAMES, PHASES, parse_header
+from damping.records.keys import LARGEST
 from damping.records.text import describe_shortened
 
 Samples: TypeAlias = npt.NDArray[Any]  #: real or complex numbers
@@ -106,11 +107,12 @@ class Summary:
 
 
 def require_finite(name: str, values: Samples) -> None:
-    """Raise InputError for values (n,) that are not finite; it names the first."""
-    bad = np.flatnonzero(~np.isfinite(values))
+    """Raise InputError for values (n,) that are not finite, or too large to be squared; it names the first."""
+    bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
     if len(bad):
+        what = f"beyond {LARGEST:g}" if np.isfinite(values[bad[0]]) else "that are no numbers"
         where = f"the first in row {bad[0] + 1} of {len(values)}"
-        raise InputError(f"{name!r} holds values that are no numbers, {where}", expected="finite numbers")
+        raise InputError(f"{name!r} holds values {what}, {where}", expected="finite numbers")
 
 
 #: Names of columns beside x and y which show that these are readings of an amplifier.

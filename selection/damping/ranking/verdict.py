@@ -72,16 +72,21 @@ class FitVerdict:
     rough: float = 0.0
     law: str = ""  #: name of the leading law
     other: str = ""  #: where the verdict is ``poor``, name of the first law after it that fits
+    #: whether weights, and so the leading law, are those of the resonances alone: on all rows another law may lead
+    by_resonances: bool = False
 
     @property
     def sentence(self) -> str:
         """The verdict in words; empty where the law fits, no level lies apart and the stated noise is not exceeded."""
         by = f"misses the measured rows by {per_cent(self.misfit)} % (root mean square), {describe_p(self.p_value)}"
         none, poorly = MISFITS
+        leading, there = (
+            ("the law leading at resonance alone", " there") if self.by_resonances else ("the leading law", "")
+        )
         verdicts = {
             "fits": "",
-            "poor": f"the leading law, {self.law}, {poorly}: it {by}; {self.other}, of less weight, fits",
-            "none fits": f"{none}: the leading law, {self.law}, {by}",
+            "poor": f"{leading}, {self.law}, {poorly}: it {by}; {self.other}, of less weight{there}, fits",
+            "none fits": f"{none}: {leading}, {self.law}, {by}",
         }
         rough = f"rows scatter along the sweeps by {self.rough:.2g} times the stated noise: check that noise"
         return "; ".join(filter(None, [verdicts[self.verdict], self.level_caution, rough if self.rough else ""]))

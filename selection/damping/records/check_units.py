@@ -262,12 +262,12 @@ def check_tolerances(view: View) -> Finding | None:
 
 
 def check_uncertainties(view: View) -> Finding | None:
-    """Columns of standard uncertainties that exceed the values, as per cents do, or another unit."""
+    """Columns of uncertainties, or of a third harmonic, that exceed the values, as per cents do, or another unit."""
     record, large = view.record, []
-    for name in ("amplitude_sd", "force_sd", "phase_sd"):
+    for name in ("amplitude_sd", "force_sd", "phase_sd", "amplitude_3"):
         if name in record.frame:
-            value = 1.0 if name == "phase_sd" else record.column(name.removesuffix("_sd"))
-            share = float(np.nanmedian(record.frame[name] / value))
+            value = 1.0 if name == "phase_sd" else record.column(name.partition("_")[0])
+            share = float((record.frame[name] / value).median())  # NaN where all are blank
             if share > LARGEST_TOLERANCE:
                 large.append(f"{name} is {share:.3g} " + ("rad" if name == "phase_sd" else "times the value beside it"))
     if not large:
