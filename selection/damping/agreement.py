@@ -166,9 +166,7 @@ def describe_disagreement(loads: Loads, explained: Explained) -> tuple[str, ...]
             cause, leading = (" and ".join(each.effects) or "no effect" for each in (explanation, first))
             stays = f"; {leading}, which leads ({first.probability:.2f}), stays within the band"
             ends = {f"{end[at]:.3g}" for end in (band.low, band.high)}
-            digits = (
-                4 if f"{amplitude[at]:.3g}" in ends else 3
-            )  # as bands are printed; one more where these would agree
+            digits = 3 + (f"{amplitude[at]:.3g}" in ends)  # as bands are printed, or one more where these would agree
             median, low, high, corrects = (f"{x[at]:.{digits}g}" for x in (band.median, band.low, band.high, amplitude))
             ranked = f"{median} {units.length}".rstrip()
             return (

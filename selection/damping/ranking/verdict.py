@@ -80,9 +80,9 @@ class FitVerdict:
         """The verdict in words; empty where the law fits, no level lies apart and the stated noise is not exceeded."""
         by = f"misses the measured rows by {per_cent(self.misfit)} % (root mean square), {describe_p(self.p_value)}"
         none, poorly = MISFITS
-        leading, there = (
-            ("the law leading at resonance alone", " there") if self.by_resonances else ("the leading law", "")
-        )
+        leading, there = "the leading law", ""
+        if self.by_resonances:
+            leading, there = "the law leading at resonance alone", " there"
         verdicts = {
             "fits": "",
             "poor": f"{leading}, {self.law}, {poorly}: it {by}; {self.other}, of less weight{there}, fits",
