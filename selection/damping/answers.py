@@ -19,7 +19,8 @@ from damping.extrapolation.prepared import PreparedRecord
 from damping.ranked_law import RankedLaw
 from damping.ranking import Ranking
 from damping.records.mode import Mode
-from damping.records.text import AGREED, MOST_SHOWN, Disagreement
+from damping.records.summary import MOST_SHOWN
+from damping.records.text import AGREED, Disagreement
 from damping.report import forms
 from damping.result import Result, complete_form
 
