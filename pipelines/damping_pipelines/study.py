@@ -130,7 +130,7 @@ def _weigh(
             advance = _prefixed(done, record.settings.name)
             rankings.append(rank_laws(record.prepared.all_rows, settings.seed, candidates, advance, estimate))
     plans = zip(inputs, rankings, _plan(inputs, settings.seed, estimate), strict=True)
-    return rankings, [pool.submit(predict_record, *own, settings.level, settings.seed) for own in plans]
+    return rankings, [pool.submit(predict_inputs, *own, settings.level, settings.seed) for own in plans]
 
 
 def _plan(inputs: list[Input], seed: int, estimate: Estimate) -> list[Plan | None]:
@@ -196,7 +196,7 @@ def sample_law(task: Task) -> LawPosterior:
     )
 
 
-def predict_record(record: Input, ranking: Ranking, plan: Plan | None, level: float, seed: int) -> dict[str, Any]:
+def predict_inputs(record: Input, ranking: Ranking, plan: Plan | None, level: float, seed: int) -> dict[str, Any]:
     """Predictions of one record by field of `RecordResult`, none without a plan.
 
     It runs in a separate process, since its draws take as much memory as everything else.

@@ -56,7 +56,8 @@ LEAST_GAIN = 0.01
 AT_ONCE = 16
 #: Ends of a drawn band, over the smallest tested force and over the largest that is tested or requested: the outermost
 #: points then stand apart from the frame.
-DRAWN_FROM, DRAWN_TO = 0.8, 1.05
+DRAWN_FROM = 0.8
+DRAWN_TO = 1.05
 DRAWN = 60  #: forces of a drawn band
 
 
