@@ -17,9 +17,11 @@ from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE, read_bytes
 from damping_pipelines.decks import export_deck
 from damping_pipelines.forms import (
+    ANSWER,
     MAX_FORM_SIZE,
-    AnswerForm,
+    Answer,
     CurveForm,
+    FormPart,
     IntervalForm,
     LoadsForm,
     ParameterForm,
@@ -170,17 +172,17 @@ def _write_table(table: pd.DataFrame, out: Path) -> None:
         write_text(out, record_to_csv(table))
 
 
-def tabulate_form(form: RankForm | LoadsForm | CurveForm) -> pd.DataFrame:
+def tabulate_form(form: Answer) -> pd.DataFrame:
     """A form as a table."""
     if isinstance(form, CurveForm):
         return _tabulate_curve(form)
     return _tabulate_ranking(form) if isinstance(form, RankForm) else _tabulate_loads(form)
 
 
-def read_answer(path: Path, max_size: int = MAX_FORM_SIZE) -> RankForm | LoadsForm | CurveForm:
+def read_answer(path: Path, max_size: int = MAX_FORM_SIZE) -> Answer:
     """A form ``rank/1``, ``loads/1`` or ``curve/1``. InputError for the first fault."""
     content = read_bytes(path, min(max_size, MAX_FORM_SIZE))
-    return read_form(AnswerForm, content, path, "a form rank/1, loads/1 or curve/1, as --json writes it").root
+    return read_form(ANSWER, content, path, "a form rank/1, loads/1 or curve/1, as --json writes it")
 
 
 def _tabulate_ranking(form: RankForm) -> pd.DataFrame:
@@ -201,31 +203,29 @@ def _tabulate_loads(form: LoadsForm) -> pd.DataFrame:
     rows: list[dict[str, Any]] = []
     other = "force" if form.asked == "amplitude" else "amplitude"
     for prediction in form.predictions:
-        average = prediction.model_dump(exclude={"by_model", "cautions", "damping_ratio", other})
-        average |= _flatten("damping_ratio", prediction.damping_ratio or IntervalForm())
-        rows.append({"model": "", "weight": None, **average, "cautions": "; ".join(prediction.cautions)})
-        rows += [
-            {"model": law.name, form.asked: getattr(prediction, form.asked), **law.model_dump(exclude={"name"})}
-            for law in prediction.by_model
-        ]
+        rows.append({"model": "", "weight": None, **_flatten(prediction, "by_model", other)})
+        asked = {form.asked: getattr(prediction, form.asked)}
+        rows += [{"model": law.name, **asked, **_flatten(law, "name")} for law in prediction.by_model]
     return _tabulate_typed(pd.DataFrame(rows), ("model", "cautions")).assign(level=form.level)
 
 
 def _tabulate_curve(form: CurveForm) -> pd.DataFrame:
     """One row for each resonance: medians under the name of the quantity, bands as ``NAME_low, NAME_high``."""
-    rows: list[dict[str, Any]] = []
-    for row in form.rows:
-        bands = {"damping_ratio": row.damping_ratio, "q": row.q}
-        columns = row.model_dump(exclude={*bands, "tested", "cautions"})
-        for name, band in bands.items():
-            columns |= _flatten(name, band)
-        rows.append({**columns, "tested": row.tested, "cautions": "; ".join(row.cautions)})
-    return _tabulate_typed(pd.DataFrame(rows), ("cautions",)).assign(level=form.level)
+    return _tabulate_typed(pd.DataFrame(map(_flatten, form.rows)), ("cautions",)).assign(level=form.level)
 
 
-def _flatten(name: str, interval: IntervalForm) -> dict[str, float | None]:
-    """An interval as columns of a table."""
-    return {name: interval.median, f"{name}_low": interval.low, f"{name}_high": interval.high}
+def _flatten(part: FormPart, *without: str) -> dict[str, Any]:
+    """A part of a form as columns of a table: an interval as three, cautions as one text."""
+    columns: dict[str, Any] = {}
+    for name, value in part:
+        if name == "cautions":
+            columns[name] = "; ".join(value)
+        elif name == "damping_ratio" or isinstance(value, IntervalForm):
+            median, low, high = (end for _, end in value or IntervalForm())
+            columns |= {name: median, f"{name}_low": low, f"{name}_high": high}
+        elif name not in without:
+            columns[name] = value
+    return columns
 
 
 def _tabulate_typed(table: pd.DataFrame, text: tuple[str, ...]) -> pd.DataFrame:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from damping.errors import AnalysisError, InputError, list_nearest
 from damping.records.text import read_bytes
-from damping_pipelines.forms import MAX_FORM_SIZE, CurveForm, Damped, DampedForm, StudyForm, StudyRecordForm, read_form
+from damping_pipelines.forms import DAMPED, MAX_FORM_SIZE, CurveForm, Damped, StudyForm, StudyRecordForm, read_form
 from damping_pipelines.manifest import Folder, open_folder
 
 STUDY = "summary.json"  #: the output that tells a study
@@ -41,7 +41,7 @@ def read_damping(source: Path, record: str | None = None) -> tuple[Damped, bytes
         beside = "campaign" if folder else "file"
         raise InputError(f"--record {record!r} beside a {beside}", expected="--record of a study")
     content = folder.read(CAMPAIGN) if folder else read_bytes(source, MAX_FORM_SIZE)
-    return read_form(DampedForm, content, source / CAMPAIGN if folder else source, _DAMPING).root, content
+    return read_form(DAMPED, content, source / CAMPAIGN if folder else source, _DAMPING), content
 
 
 def _find_record(form: StudyForm, name: str | None, source: Path) -> StudyRecordForm:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal, Self, TypeAlias, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, RootModel, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
 from damping.errors import InputError
@@ -23,10 +23,10 @@ class FormPart(BaseModel):
 AnyForm = TypeVar("AnyForm", bound=BaseModel)
 
 
-def read_form(form: type[AnyForm], content: bytes, file: Path, expected: str) -> AnyForm:
-    """A form from its JSON text. InputError for the first fault."""
+def read_form(form: type[AnyForm] | TypeAdapter[AnyForm], content: bytes, file: Path, expected: str) -> AnyForm:
+    """A form, or one of several, from its JSON text. InputError for the first fault."""
     try:
-        return form.model_validate_json(content)
+        return form.validate_json(content) if isinstance(form, TypeAdapter) else form.model_validate_json(content)
     except ValidationError as error:
         first = error.errors()[0]
     place = ".".join(str(part) for part in first["loc"] if "/" not in str(part))  # the name of a form is no place
@@ -181,8 +181,8 @@ class CurveForm(DampingForm):
     rows: Annotated[list[CurveRowForm], Field(min_length=1)]
 
 
-class AnswerForm(RootModel[Annotated[RankForm | LoadsForm | CurveForm, Field(discriminator="format")]]):
-    """A ranking, loads or a curve."""
+Answer: TypeAlias = RankForm | LoadsForm | CurveForm
+ANSWER = TypeAdapter[Answer](Annotated[Answer, Field(discriminator="format")])  #: reads any of these
 
 
 class PeakForm(FormPart):
@@ -226,10 +226,7 @@ class CampaignForm(DampingForm):
 
 
 Damped: TypeAlias = LoadsForm | CurveForm | CampaignForm  #: any of the forms that hold damping ratios
-
-
-class DampedForm(RootModel[Annotated[Damped, Field(discriminator="format")]]):
-    """Any of these."""
+DAMPED = TypeAdapter[Damped](Annotated[Damped, Field(discriminator="format")])  #: reads any of these
 
 
 class PowerLawForm(FormPart):

@@ -39,7 +39,6 @@ from damping_pipelines import study_files as files
 from damping_pipelines.manifest import digest_file, refuse_foreign, sole_writer, versions
 from damping_pipelines.terminal import progress, report_findings
 
-GRID = 60  #: forces of the figure of design loads: points between the smallest tested and the largest asked for
 #: Laws whose posteriors are sampled by chains for the page and the files; predictions average all laws by weight.
 MOST_SAMPLED = 6
 
@@ -131,7 +130,7 @@ def _weigh(
             advance = _prefixed(done, record.settings.name)
             rankings.append(rank_laws(record.prepared.all_rows, settings.seed, candidates, advance, estimate))
     plans = zip(inputs, rankings, _plan(inputs, settings.seed, estimate), strict=True)
-    return rankings, [pool.submit(predict_record, *own, settings.level, settings.seed) for own in plans]
+    return rankings, [pool.submit(predict_inputs, *own, settings.level, settings.seed) for own in plans]
 
 
 def _plan(inputs: list[Input], seed: int, estimate: Estimate) -> list[Plan | None]:
@@ -197,7 +196,7 @@ def sample_law(task: Task) -> LawPosterior:
     )
 
 
-def predict_record(record: Input, ranking: Ranking, plan: Plan | None, level: float, seed: int) -> dict[str, Any]:
+def predict_inputs(record: Input, ranking: Ranking, plan: Plan | None, level: float, seed: int) -> dict[str, Any]:
     """Predictions of one record by field of `RecordResult`, none without a plan.
 
     It runs in a separate process, since its draws take as much memory as everything else.
@@ -219,10 +218,9 @@ def predict_record(record: Input, ranking: Ranking, plan: Plan | None, level: fl
     result: dict[str, Any] = {"against": against, "curve": replace(curve, cautions=_warn(against, curve.cautions))}
     result["drawn_curve"] = drawn
     if len(asked):
-        grid = np.linspace(0.8 * tested.min(), 1.05 * max(asked.max(), tested.max()), GRID)
         design_curve = trace_loads(predicted.loads, prepared.backbone, plan.data)
         result |= {
-            "bands": predicted.predict_at(grid),
+            "bands": predicted.predict_drawn(tested),
             "design": replace(predicted.loads, cautions=_warn(against, design_curve.cautions)),
             "design_curve": design_curve,
             "next_level": predicted.next_level,

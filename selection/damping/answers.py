@@ -19,15 +19,14 @@ from damping.extrapolation.prepared import PreparedRecord
 from damping.ranked_law import RankedLaw
 from damping.ranking import Ranking
 from damping.records.mode import Mode
-from damping.records.text import AGREED, MOST_SHOWN, Disagreement
+from damping.records.summary import MOST_SHOWN
+from damping.records.text import AGREED, Disagreement
 from damping.report import forms
 from damping.result import Result, complete_form
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-GRID = 60  #: points of each curve in a plot of loads
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -170,8 +169,7 @@ class LoadsResult(PredictedResult):
 
         check_axes(ax)
         force, units, data = self.loads.force[np.isfinite(self.loads.force)], self.mode.units, self.prepared.data
-        low, high = data.tested_force.min(), max(data.tested_force.max(), force.max(initial=0.0))
-        bands = self.extrapolation.predict_at(np.linspace(0.8 * low, 1.05 * high, GRID))
+        bands = self.extrapolation.predict_drawn(data.tested_force)
         design = self.loads if self.loads.amplitude is None else self.extrapolation.predict_at(force)
         about = (units.force, units.length, bands.limit)
         tables = (forms.tabulate_loads(bands), forms.tabulate_tested(data), forms.tabulate_loads(design))

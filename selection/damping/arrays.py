@@ -79,6 +79,11 @@ def take_rows(whole: _Rows, rows: slice) -> _Rows:
     return cast(_Rows, part)
 
 
+def interpolate_logs(at: Numbers, known: Numbers, values: Numbers) -> FloatArray:
+    """Values at ``at``, linear between ``known`` points on logarithmic axes, constant beyond them; all are > 0."""
+    return np.asarray(np.exp(np.interp(np.log(at), np.log(known), np.log(values))))
+
+
 def drop_repeats(rows: FloatArray) -> tuple[BoolArray, IntArray]:
     """Which rows (n, ..) differ from the row before, and, for each row, the number of its own among these."""
     new = np.append(True, (rows[1:] != rows[:-1]).any(axis=1))

@@ -16,8 +16,8 @@ from damping.infer.observations import Observations
 from damping.progress import single_threaded
 from damping.ranking import Candidate
 from damping.ranking.candidates import INTERVAL
+from damping.records.summary import Summarised
 from damping.records.text import format_share
-from damping.result import Summarised
 
 _CONTENT = f"{100.0 * INTERVAL:g} % interval"  #: the intervals of parameters, as titles name them
 

@@ -5,7 +5,7 @@ Results of fitted laws (ranking, loads, curve) are in :mod:`damping.answers`.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,8 @@ import pandas as pd
 from damping import report as words
 from damping.arrays import plain
 from damping.records import Audit
-from damping.records.text import AGREED, MOST_SHOWN, Disagreement, count, describe_as_html, describe_as_text
+from damping.records.summary import Summarised
+from damping.records.text import AGREED, Disagreement, count
 from damping.report import forms
 
 if TYPE_CHECKING:
@@ -27,34 +28,6 @@ if TYPE_CHECKING:
     from damping.records.record import Record
     from damping.regression.program import Regression
     from damping.signals.chain import ConditioningStep
-
-
-class Summarised(ABC):
-    """A summary for notebook and terminal: a title, a short table and remarks."""
-
-    @property
-    @abstractmethod
-    def title(self) -> str:
-        """One line that names the result."""
-
-    @property
-    @abstractmethod
-    def shown(self) -> pd.DataFrame:
-        """The columns and rows of a table that a summary shows."""
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """Notes and cautions to show after the table."""
-        return ()
-
-    def __str__(self) -> str:
-        return describe_as_text(self.title, self.shown, self.remarks)
-
-    def __repr__(self) -> str:
-        return str(self)
-
-    def _repr_html_(self) -> str:
-        return describe_as_html(self.title, self.shown, self.remarks)
 
 
 class Result(Summarised):
@@ -233,7 +206,7 @@ class SweepResult(Result):
     @property
     def shown(self) -> pd.DataFrame:
         """The first rows."""
-        return self.table.head(MOST_SHOWN)
+        return self.record.shown
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -275,7 +275,7 @@ def test_no_test_is_proposed_where_the_leading_explanation_has_no_resonance(lab,
         among("coulomb-friction", "slip"), explain, Record(record.table.drop(columns="added_mass")), lab.mode()
     )
     assert found.leading.effects == ("coulomb-friction",)
-    runs = [run.seen for run in _predict_runs(found.leading.best, ())]
+    runs = [run.predicted for run in _predict_runs(found.leading.best, ())]
     assert min(float(run.F[0]) for run in runs) > 1.4 * 4.0 / np.pi * friction  # of the R that was fitted: to 5 %
     heavier = [float(run.F[0]) for run in runs if run.added[0]]
     assert heavier

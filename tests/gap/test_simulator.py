@@ -12,8 +12,8 @@ import damping as dp
 from damping.arrays import RAD_S_PER_HZ
 from damping.effects import CATALOGUE
 from damping.gap.diagnose import explain
-from damping.gap.sense import check_sense
 from damping.gap.simulation import Simulator
+from damping.gap.simulator_checks import check_simulator
 from damping.records.text import Disagreement
 from damping.report.gap import order_cautions
 from tests.gap.limited import limited
@@ -131,9 +131,9 @@ def test_a_frequency_in_another_unit_is_told(record, mode, columns, taken, said)
             raise ValueError("outside the band of the simulation")
         return function(force, frequency)
 
-    told = check_sense(Simulator.read(function, mode), named)
+    told = check_simulator(Simulator.read(function, mode), named)
     assert [f"the simulation resembles the test {said} the frequencies" in text for text in told] == [True] * bool(said)
-    assert check_sense(Simulator.read(of_the_band, mode), named) == ()
+    assert check_simulator(Simulator.read(of_the_band, mode), named) == ()
 
 
 @pytest.mark.parametrize(("factor", "said"), [(RAD_S_PER_HZ**-2.0, "1/(2 pi)"), (RAD_S_PER_HZ**2.0, "2 pi")])
@@ -143,7 +143,7 @@ def test_a_stiffness_made_with_hz_is_told(record, mode, factor, said):
     def function(force, frequency):
         return simulate(force, frequency, stiffness=factor * STIFFNESS)
 
-    (told,) = check_sense(Simulator.read(function, mode), record)
+    (told,) = check_simulator(Simulator.read(function, mode), record)
     assert f"resembles the test at {said} times the frequencies, with" in told
     assert "a mistake of rad/s for Hz in its stiffness?" in told
     first, further = order_cautions(Disagreement(), ["the rows are few", told])

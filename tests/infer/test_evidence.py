@@ -16,11 +16,11 @@ from damping.infer.evidence import brief_evidence, evidence, find_modes, list_st
 from damping.infer.importance import (
     FULL_DRAWS,
     IMPORTANT,
+    JUDGED_BY,
     LEAST_DRAWS,
-    LEAST_TOLD,
+    LEAST_JUDGED,
     MISSED,
     OF_UNIMPORTANT,
-    TOLD_BY,
     Evidence,
     draw_again,
     importance,
@@ -166,7 +166,7 @@ def test_a_negligible_law_is_left_early(saturn):
         evidence(c, data, floor=full.log_z - IMPORTANT - 1.0),
     )
     assert left.falls_below(full.log_z + 2.0 * MISSED)
-    assert left.effective_draws >= LEAST_TOLD
+    assert left.effective_draws >= LEAST_JUDGED
     assert len(left.draws) <= len(little.draws) <= len(full.draws)
     assert little.effective_draws > OF_UNIMPORTANT * FULL_DRAWS
     assert abs(left.log_z - full.log_z) < MISSED
@@ -178,7 +178,7 @@ def test_an_estimate_that_was_left_is_made_again_for_a_lower_floor(saturn):
 
     def estimate(coordinates, data, seed, fit, floor):
         asked.append(floor)
-        return Evidence(log_z=-20.0, standard_error=0.1, draws=np.zeros((1, 1)), effective_draws=TOLD_BY)
+        return Evidence(log_z=-20.0, standard_error=0.1, draws=np.zeros((1, 1)), effective_draws=JUDGED_BY)
 
     data = saturn("config-2-mode-1")
     c, known = Coordinates.of(Law(("viscous",)), data), remember(estimate)

@@ -39,8 +39,7 @@ from damping_pipelines import collect_drawn, give_back_memory
 from damping_pipelines.fleet.dataset import MULTIPLES, SCHEMA, FleetResult, FleetTask, read_files, row_of
 from damping_pipelines.store import to_json
 
-#: Forces over which bands are drawn.
-_GRID = 40
+DRAWN = 40  #: forces of a drawn band: fewer than elsewhere, as a fleet has many pages
 Made = TypeVar("Made")
 # How reasons begin that are no record's own: such a record is tried again when the fleet is run again.
 DIED = "workers died"
@@ -163,9 +162,7 @@ def _complete(task: FleetTask, prepared: PreparedRecord, diagnosed: bool) -> Fle
             against = compare(loads.extrapolation, diagnosis.diagnosis)
             loads, diagnosis = replace(loads, against=against), replace(diagnosis, against=against)
     if loads and not settings.fast:
-        tested, predicted = prepared.data.tested_force, loads.extrapolation
-        ends = 0.8 * tested.min(), 1.05 * max(predicted.loads.force.max(), tested.max())
-        bands = predicted.predict_at(np.linspace(*ends, _GRID))
+        bands = loads.extrapolation.predict_drawn(prepared.data.tested_force, DRAWN)
     return FleetRecord(task, prepared, ranking, loads, bands, diagnosis, tuple(reasons))
 
 

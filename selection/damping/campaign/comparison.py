@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, interpolate_logs
 from damping.campaign.answer import Campaign
 from damping.campaign.values import At, Bounds, Outcome, SensorPrediction
 
@@ -110,5 +110,5 @@ def _interpolate(rows: Mapping[float, Sequence[float | None]], level: float) -> 
     if not rows or not min(rows) * (1.0 - SAME_LEVEL) <= level <= max(rows) * (1.0 + SAME_LEVEL):
         return None
     known = np.array([rows[at] for at in sorted(rows)], dtype=np.float64)
-    values = [np.exp(np.interp(np.log(level), np.log(sorted(rows)), np.log(column))) for column in known.T]
+    values = [interpolate_logs(level, sorted(rows), column) for column in known.T]
     return np.array(values) if np.isfinite(values).all() else None

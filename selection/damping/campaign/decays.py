@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 import pandas as pd
 
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, interpolate_logs
 from damping.campaign.answer import LEAST_SPREAD, LEVEL, NORMAL_90, Campaign, ModeAnswer, predict_mode, read_curve
 from damping.campaign.decay_shapes import describe_unshaped, find_loudest, find_shapes, list_unused
 from damping.campaign.runs import CampaignRun, Channel, DesignLevel
@@ -196,7 +196,7 @@ def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], 
     if far:
         why = f"level {far[-1]:.4g} {run.channels[0].unit} is too far from the tested {places[-1].level:.4g}"
         raise InputError(why, expected=f"from {reading[0]:.4g} to {reading[-1]:.4g}")
-    asked = np.exp(np.interp(np.log(beyond), np.log(reading), np.log(along)))
+    asked = interpolate_logs(beyond, reading, along)
     prediction = predict_mode(mode.record, mode.mode, [float(table["force"].iloc[-1])], seed)
     places = [replace(at, cautions=(*at.cautions, *prediction.cautions())) for at in places]
     loads = predict_forces(prediction.predicted, asked, each=False)

@@ -11,7 +11,7 @@ from math import inf, log10, sqrt
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, interpolate_logs
 from damping.campaign.values import At, Notch
 
 
@@ -67,4 +67,4 @@ def _invert(level: FloatArray, upper: FloatArray, limit: float) -> float:
     if limit <= rising[0] or limit >= rising[-1]:
         end = 0 if limit <= rising[0] else -1
         return float(level[end] * limit / rising[end])
-    return float(np.exp(np.interp(np.log(limit), np.log(rising), np.log(level))))
+    return float(interpolate_logs(limit, rising, level))

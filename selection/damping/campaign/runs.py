@@ -23,7 +23,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, interpolate_logs
 from damping.errors import InputError, describe_nearest
 from damping.formats.headers import ORDERS
 from damping.formats.levels import DRIVE, find_level
@@ -202,8 +202,7 @@ class DesignLevel:
         """The level at a frequency: linear between corners on logarithmic axes, constant beyond the ends."""
         if len(self.level) == 1:
             return float(self.level[0])
-        corners = np.log(self.frequency), np.log(self.level)
-        return float(np.exp(np.interp(np.log(frequency), *corners)))
+        return float(interpolate_logs(frequency, self.frequency, self.level))
 
 
 def describe_quantity(text: str, name: str) -> str:

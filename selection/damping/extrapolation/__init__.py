@@ -54,6 +54,11 @@ LEAST_GAIN = 0.01
 #: Forces predicted at once: the draws at each take up to 4 MB until their quantiles are known. Each block draws the
 #: paths anew: fewer and larger ones take less time.
 AT_ONCE = 16
+#: Ends of a drawn band, over the smallest tested force and over the largest that is tested or requested: the outermost
+#: points then stand apart from the frame.
+DRAWN_FROM = 0.8
+DRAWN_TO = 1.05
+DRAWN = 60  #: forces of a drawn band
 
 
 def draw_fresh(law: Candidate, data: Observations, seed: int) -> FloatArray:
@@ -92,6 +97,12 @@ class Extrapolation:
             return predict(self.members, block, *known, draws=draws, each=each, to_invert=to_invert)
 
         return join_rows([*map(predict_block, np.array_split(forces, max(1, -(-len(forces) // AT_ONCE))))])
+
+    def predict_drawn(self, tested: FloatArray, points: int = DRAWN) -> Loads:
+        """The band to draw, at ``points`` forces over the ``tested`` ones (levels,) and the requested ones."""
+        asked = self.loads.force[np.isfinite(self.loads.force)]
+        high = max(tested.max(), asked.max(initial=0.0))
+        return self.predict_at(np.linspace(DRAWN_FROM * tested.min(), DRAWN_TO * high, points))
 
     @cached_property
     def with_other_priors(self) -> pd.DataFrame:

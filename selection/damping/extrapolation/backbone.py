@@ -14,7 +14,7 @@ from functools import cached_property, partial
 import numpy as np
 from scipy.special import logsumexp, ndtr, ndtri
 
-from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
+from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, interpolate_logs
 from damping.extrapolation.loosening import NO_CHANGE, Change, Loosening, list_kinds
 from damping.forces.contract import Force
 from damping.infer.discrepancy import FREQUENCY_SCATTER
@@ -153,7 +153,7 @@ class Backbone:
     def mass_at(self, amplitude: FloatArray) -> FloatArray:
         """Mass at each amplitude: linear in the logarithms between tested amplitudes, constant beyond."""
         order = np.argsort(self.amplitude, kind="stable")
-        return np.exp(np.interp(np.log(amplitude), np.log(self.amplitude[order]), np.log(self.mass[order])))
+        return interpolate_logs(amplitude, self.amplitude[order], self.mass[order])
 
     def stiffness_at(self, amplitude: FloatArray) -> FloatArray:
         """M omega^2 at each amplitude, interpolated as in `mass_at`."""

@@ -180,10 +180,10 @@ def _left_out(row: Series) -> dict[str, BoolArray]:
     for name in ("response", "force"):
         if name in columns:
             reasons[f"with a {name} of 0"] = columns[name] == 0.0
-    seen = np.zeros(len(row.abscissa), dtype=np.bool_)
+    counted = np.zeros(len(row.abscissa), dtype=np.bool_)
     for reason, rows in reasons.items():
-        reasons[reason] = rows & ~seen
-        seen |= rows
+        reasons[reason] = rows & ~counted
+        counted |= rows
     return reasons
 
 

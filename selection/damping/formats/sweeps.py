@@ -215,16 +215,16 @@ def _find_shared(coarse: FloatArray, fine: FloatArray) -> BoolArray | None:
 
 def join_refined(series: Sequence[Series], summary: Summary) -> list[Series]:
     """The series with rows that refine an earlier sweep in it, if both were told apart by their frequencies alone."""
-    told = [k for k, row in enumerate(series) if row.is_part and row.force is not None]
+    parts = [k for k, row in enumerate(series) if row.is_part and row.force is not None]
     with np.errstate(all="ignore"):  # rows without a force are left out
         motions = [
             SweepMotion(row.abscissa, np.abs(row.force), np.atleast_2d(row.response / row.force))
-            for row in (series[k] for k in told)
+            for row in (series[k] for k in parts)
             if row.force is not None
         ]
     joined = dict(enumerate(series))
-    for k, number in zip(told, find_refined(motions), strict=True):
-        first = told[number]
+    for k, number in zip(parts, find_refined(motions), strict=True):
+        first = parts[number]
         if first != k and _is_later(series[first], series[k]):
             joined[first] = _join(joined[first], joined.pop(k))
             summary.note(f"rows of {series[k].label!r} refine {series[first].label!r} and join it")

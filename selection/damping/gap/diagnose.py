@@ -21,8 +21,8 @@ from damping.gap.next_test import NextTest, name_command, rank_tests
 from damping.gap.outside import describe_outside, weigh_library
 from damping.gap.problem import Setting, State, exclude_effects, record_cautions, refuse_rows, setting
 from damping.gap.search import Search, search_hypotheses
-from damping.gap.sense import check_sense
 from damping.gap.simulation import Simulate
+from damping.gap.simulator_checks import check_simulator
 from damping.gap.states import as_given, drive_by_forces, list_crossing, list_repeated, list_unread, refuse_states
 from damping.gap.weighing import Explanation, Group
 from damping.gap.where import (
@@ -161,7 +161,7 @@ def explain(
         message = "the simulation has no damping, and so no resonance to compare with these rows, all at resonance"
         raise AnalysisError(f"{mode.source}: {message}: add a force to [damping]; damping rank finds the law")
     simulator = start.problem.simulation.simulator
-    doubts = () if simulator is None else check_sense(simulator, record)
+    doubts = () if simulator is None else check_simulator(simulator, record)
     library = exclude_effects(CATALOGUE, mode, rows)
     of_states = (*list_repeated(given), *list_crossing(given), *list_unread(given))
     cautions = [*doubts, *driven.notes, *of_states, *record_cautions(rows, record, stated)]

@@ -100,7 +100,7 @@ class _Run:
     """A test with its rows as the leading explanation predicts them, and each rival's misfit to them."""
 
     design: ProposedTest
-    seen: PhasorRows
+    predicted: PhasorRows
     missed: tuple["_Missed", ...]
 
 
@@ -187,8 +187,8 @@ def _predict_runs(leading: ModelFit, rivals: Sequence[ModelFit]) -> list[_Run]:
     for design in DESIGNS:
         if not _resonates(expected, design.plan(leading.model.problem)):
             continue
-        seen = _simulate(design.change(expected), design.plan(leading.model.problem))
-        runs.append(_Run(design, seen, tuple(_miss(seen, rival, design.change) for rival in rivals)))
+        predicted = _simulate(design.change(expected), design.plan(leading.model.problem))
+        runs.append(_Run(design, predicted, tuple(_miss(predicted, rival, design.change) for rival in rivals)))
     return runs
 
 
@@ -224,7 +224,7 @@ def _foresee(
     behind = [first.log_posterior - imitation.log_posterior for imitation in imitations]
     excluded = bool(np.all(behind + surely[among:] > EXCLUDED))
     now = 0 if imitations or unexplained else count_beyond(listed)
-    beyond = count_beyond(listed, *(run.seen for run in runs)) if excluded and not unexplained else 0
+    beyond = count_beyond(listed, *(run.predicted for run in runs)) if excluded and not unexplained else 0
     expected = -float(logsumexp(-odds[:rivals], b=p / p.sum()))
     return expected, foresee_probability(every, gained, in_library, now, beyond)
 
@@ -236,7 +236,7 @@ def _describe_test(
     what = "; and ".join(run.design.what for run in runs)
     why = "; ".join(dict.fromkeys(run.design.why for run in runs))
     columns = dict.fromkeys((*filled, *chain.from_iterable(run.design.columns for run in runs)))
-    rows = tuple(_describe_run(run.seen, unit) for run in runs)
+    rows = tuple(_describe_run(run.predicted, unit) for run in runs)
     return NextTest(what, why, odds, probability, tuple(columns), rows, command)
 
 
@@ -252,20 +252,20 @@ def _describe_run(rows: PhasorRows, unit: float) -> dict[str, float]:
     }
 
 
-def _miss(seen: PhasorRows, rival: ModelFit, change: Callable[[Terms], Terms]) -> _Missed:
-    """Misfit of a rival to the rows ``seen``."""
-    k, sweeps = rival.model.size, len(seen.sweeps)
+def _miss(predicted: PhasorRows, rival: ModelFit, change: Callable[[Terms], Terms]) -> _Missed:
+    """Misfit of a rival to the rows ``predicted``."""
+    k, sweeps = rival.model.size, len(predicted.sweeps)
     steps = np.vstack([np.zeros(k), STEP * np.eye(k)])
     terms = change(rival.model.terms(rival.y[:k] + steps))
     scatter = rival.model.scatter
-    misfit = residuals(terms, seen, np.zeros((k + 1, 2 * sweeps)), scatter)
+    misfit = residuals(terms, predicted, np.zeros((k + 1, 2 * sweeps)), scatter)
     by_gain, by_frequency = misfit.by_sweep()
     C = np.vstack([by_gain[0] * scatter.amplitude, by_frequency[0] * scatter.frequency])
     return _Missed(misfit.r[0], (misfit.r[1:] - misfit.r[0]) / STEP, np.eye(C.shape[1]) + C.T @ C)
 
 
 def _odds(missed: Sequence[_Missed], rival: ModelFit) -> float:
-    """Half the squared distance of a rival's prediction from the rows seen, in units of all that it leaves open.
+    """Half the squared distance of a rival from the rows ``predicted``, in units of all that it leaves open.
 
     These are noise, repeatability, and the covariance of the rival's parameters given the record.
     """
@@ -278,11 +278,11 @@ def _odds(missed: Sequence[_Missed], rival: ModelFit) -> float:
 def _simulate(terms: Terms, rows: PhasorRows) -> PhasorRows:
     """The rows as predicted by terms of values (1, 1)."""
     motion = steady(terms, rows, rows.u)
-    seen = replace(rows, u=motion.u, phase=motion.phase)
+    predicted = replace(rows, u=motion.u, phase=motion.phase)
     if not rows.channels:
-        return seen
+        return predicted
     third = recorded_third(terms, motion.u, motion.phase, rows.drive).reshape(-1)
     cross = cross_motion(terms, np.exp(motion.u - np.ravel(terms.gain)), rows.drive).reshape(-1)
     sd_third = np.hypot(rows.sd_third, FURTHER_ERROR * np.abs(third))
     sd_cross = np.hypot(rows.sd_cross, FURTHER_ERROR * np.abs(cross))
-    return replace(seen, third=third, cross=cross, sd_third=sd_third, sd_cross=sd_cross)
+    return replace(predicted, third=third, cross=cross, sd_third=sd_third, sd_cross=sd_cross)

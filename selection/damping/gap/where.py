@@ -39,7 +39,7 @@ FAR = 4.0
 #: Least share of the chi-square of a constant that a power of amplitude removes where a trend is reported: half.
 TREND_FITS = 0.5
 #: Chi-square (2 degrees of freedom: power and size) above which a trend is reported: one in a thousand by chance.
-TREND_SEEN = 13.8
+SIGNIFICANT_TREND = 13.8
 LEAST_MOVE = 5e-5  #: relative change of a resonance that no test reads
 POWERS = np.array([-1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0])  #: powers of amplitude that are tried
 
@@ -148,9 +148,9 @@ class PowerTrend:
     share: float = 1.0  #: gain over the chi-square of a constant
 
     @property
-    def seen(self) -> bool:
+    def significant(self) -> bool:
         """Whether the estimates change with amplitude beyond noise."""
-        return self.gain > TREND_SEEN
+        return self.gain > SIGNIFICANT_TREND
 
     @property
     def fits(self) -> bool:
@@ -241,7 +241,7 @@ def describe_resonances(leading: ModelFit, local: Sequence[LocalEstimate]) -> li
     A, measured, sd = np.array([(each.amplitude, each.frequency, each.frequency_sd) for each in local]).T
     predicted = trace_local(leading, A)[0]
     rest = trend(A, measured / predicted, sd / predicted)
-    if rest is None or not (rest.seen and rest.fits):
+    if rest is None or not (rest.significant and rest.fits):
         return []
     smallest, largest = int(np.argmin(A)), int(np.argmax(A))
     of_model = float(predicted[largest] / predicted[smallest] - 1.0)

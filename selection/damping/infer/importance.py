@@ -26,10 +26,10 @@ FITTED_TO = 20.0
 LEAST_DRAWS = 200.0
 MOST_ROUNDS = 16
 #: Effective draws for which a law is negligible if its ln evidence is ``MISSED`` below the floor. The margin grows in
-#: inverse proportion to fewer draws, down to ``LEAST_TOLD``. Of 6700 estimates on 220 simulated records no law with
+#: inverse proportion to fewer draws, down to ``LEAST_JUDGED``. Of 6700 estimates on 220 simulated records no law with
 #: half a per cent was dropped by mistake.
-TOLD_BY = 50.0
-LEAST_TOLD = 10.0
+JUDGED_BY = 50.0
+LEAST_JUDGED = 10.0
 MISSED = 3.0
 #: A law with ln evidence less than this above the floor has less than a tenth of the largest weight. This share of the
 #: effective draws is enough for it: its weight is then still known better than the largest one.
@@ -58,8 +58,8 @@ class Evidence:
 
     def falls_below(self, log_z: float) -> bool:
         """Whether ln of the marginal likelihood is below ``log_z``, with a margin for what the draws missed."""
-        missed = MISSED * max(1.0, TOLD_BY / self.effective_draws)
-        return self.effective_draws >= LEAST_TOLD and self.log_z + missed < log_z
+        missed = MISSED * max(1.0, JUDGED_BY / self.effective_draws)
+        return self.effective_draws >= LEAST_JUDGED and self.log_z + missed < log_z
 
 
 def importance(

@@ -21,7 +21,7 @@ import pandas as pd
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, wrap_lag
 from damping.errors import AnalysisError
 from damping.records.check_sweeps import FAST
-from damping.records.implied import NEAR, sense_rate
+from damping.records.implied import NEAR, detect_rate
 from damping.records.record import Record
 from damping.records.rows import list_rates
 from damping.records.runs import runs_of
@@ -205,7 +205,7 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
     """The record as steady states, and notes on the correction; unchanged if it is steady.
 
     A column ``sweep_rate`` is used as given; slow sweeps are not corrected. Without it, a rate is detected in the turn
-    of the phases (:func:`damping.records.implied.sense_rate`) and then estimated; it is accepted if it is fast and
+    of the phases (:func:`damping.records.implied.detect_rate`) and then estimated; it is accepted if it is fast and
     known to a fifth.
 
     Args:
@@ -228,10 +228,10 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
     counts = record.frame.groupby("sweep")["force"].size()
     if counts.min() < _FEWEST or len(record) > _MOST_ROWS:
         return record, ()
-    sense = sense_rate(runs_of(record))
-    if sense is None:
+    detected = detect_rate(runs_of(record))
+    if detected is None:
         return record, ()
-    rate = estimate_rate(record, mass, frequency, upwards=sense > 0.0)
+    rate = estimate_rate(record, mass, frequency, upwards=detected > 0.0)
     octaves = abs(rate.octaves_a_minute)
     accepted = octaves > _KNOWN * rate.standard_error and rate.misfit < _BETTER * rate.steady_misfit
     if not accepted or rate.severity < FAST:
@@ -239,7 +239,7 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
     hertz = rate.octaves_a_minute * log(2.0) / 60.0 * record.frame["frequency"].to_numpy(dtype=float)
     note = (
         f"peaks are shifted and skewed as by a sweep of {octaves:.2g} +- {rate.standard_error:.1g} octaves a minute "
-        f"{'up' if sense > 0.0 else 'down'}, (df/dt)/(2 zeta f)^2 = {rate.severity:.2g}: corrected to steady states; "
-        "state sweep_rate (Hz/s) to be sure"
+        f"{'up' if detected > 0.0 else 'down'}, (df/dt)/(2 zeta f)^2 = {rate.severity:.2g}: corrected to steady "
+        "states; state sweep_rate (Hz/s) to be sure"
     )
     return correct_rate(Record(record.frame.assign(sweep_rate=hertz), record.source), mass), (note,)

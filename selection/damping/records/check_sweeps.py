@@ -8,7 +8,7 @@ import pandas as pd
 from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
 from damping.records.implied import INCOHERENT, NEAR, SMOOTH
 from damping.records.other_modes import is_of_other_modes, is_split
-from damping.records.outliers import WILD
+from damping.records.outliers import ISOLATED
 from damping.records.resonance import find_jump
 from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_run_peaks, order_rows
 from damping.records.view import MOST_NAMED, Finding, NamedFinding, View, label_sweeps, name_sweeps, take_median
@@ -33,16 +33,16 @@ def check_outlier(view: View) -> Finding | None:
     """
     table = view.record.frame
     largest = table.groupby("sweep", sort=False)["amplitude"].transform("max")
-    beats = view.sensed is not None  # after a peak passed too fast the response falls to zero between beats
-    wild = [row for row in sorted(view.wild) if not (beats and table["amplitude"][row] < NEAR * largest[row])]
-    if not wild:
+    beats = view.detected_rate is not None  # after a peak passed too fast the response falls to zero between beats
+    outliers = [row for row in sorted(view.outliers) if not (beats and table["amplitude"][row] < NEAR * largest[row])]
+    if not outliers:
         return None
     odd = view.odd.runs if view.odd else ()
-    beside = [row for row in wild if view.wild[row] not in label_sweeps(odd) and row not in view.misplaced]
+    beside = [row for row in outliers if view.outliers[row] not in label_sweeps(odd) and row not in view.misplaced]
     shown = ("amplitude", "phase") if view.record.has_phase else ("amplitude",)
     readings = [
         f"{', '.join(f'{name} {table[name][row]:g}' for name in shown)} at row {row + 1} "
-        f"({table['frequency'][row]:g} Hz, sweep {view.wild[row]})"
+        f"({table['frequency'][row]:g} Hz, sweep {view.outliers[row]})"
         for row in beside[:3]
     ]
     peaks = table.groupby("sweep", sort=False)["amplitude"].idxmax().tolist()
@@ -57,12 +57,12 @@ def check_outlier(view: View) -> Finding | None:
     if view.odd:
         what.append(str(view.odd))
         by_frequency, off = view.odd.quantity == "frequency", abs(view.odd.off)
-        taken |= off > NO_RERUN if by_frequency else off > log(WILD) and not view.record.has_phase
+        taken |= off > NO_RERUN if by_frequency else off > log(ISOLATED) and not view.record.has_phase
         advice = "every fit includes it: correct that reading, or run again without the row"
         lowest = any(run.F[0] == table["force"].min() for run in view.odd.runs)
         if lowest and not by_frequency and view.odd.off < 0.0:
             advice += "; if friction holds the structure at that force, the reading is right: leave that level out"
-    sweeps = tuple(dict.fromkeys(view.wild[row] for row in wild))
+    sweeps = tuple(dict.fromkeys(view.outliers[row] for row in outliers))
     return Finding("outlier", "refuse" if taken else "caution", "; ".join(what), advice, sweeps)
 
 
@@ -177,8 +177,9 @@ def check_sweep_rate(view: View) -> Finding | None:
     middle = take_median(view.implied["frequency"])
     width = 2.0 * take_median(view.implied["damping_ratio"]) * middle
     apart = any(float(p.max() / p.min()) > SEPARATE for _, p in _find_further_peaks(view))
-    if view.sensed is not None and not apart and abs(view.sensed) * middle > FAST * width**2:
-        what = f"the phases turn late, as in a sweep of {abs(view.sensed) * 60.0 / log(2.0):.2g} octaves a minute"
+    rate = view.detected_rate
+    if rate is not None and not apart and abs(rate) * middle > FAST * width**2:
+        what = f"the phases turn late, as in a sweep of {abs(rate) * 60.0 / log(2.0):.2g} octaves a minute"
         advice = "sweep slower, or dwell; peaks are corrected: state sweep_rate (Hz/s) to be sure"
         return Finding("sweep-rate", "caution", what, advice, view.record.sweeps)
     beats = {run.sweep: count_beats(run) for run in view.runs}

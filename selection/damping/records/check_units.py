@@ -108,7 +108,7 @@ def check_energy(view: View) -> Finding | None:
         return None
     table = view.record.frame
     share = energy_per_cycle(view.record) / (pi * (table["force"] * table["amplitude"]).to_numpy(dtype=np.float64))
-    share[list(view.wild)] = np.nan
+    share[list(view.outliers)] = np.nan
     apart, noise = _compare_energies(view, share)
     wrong = (share > ENERGY) | (np.abs(apart) > np.maximum(log(ENERGY), NOISE_OF_ENERGY * noise))
     wrong |= np.isfinite(apart) & (abs(take_median(apart)) > log(ENERGY_OF_ALL))
@@ -238,7 +238,7 @@ def check_velocity(view: View) -> Finding | None:
     if metre is None:
         return None
     velocity = metre * 2.0 * pi * view.record.column("frequency") * view.record.column("amplitude")
-    velocity[list(view.wild)] = 0.0
+    velocity[list(view.outliers)] = 0.0
     row = int(np.argmax(velocity))
     if velocity[row] <= LARGEST_VELOCITY:
         return None

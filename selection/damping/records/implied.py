@@ -246,7 +246,7 @@ OF_STEADY = 0.35  #: this share of that without a rate,
 OF_SPRING = 0.6  #: and this share of that of a spring whose stiffness changes with amplitude
 
 
-def sense_rate(runs: Sequence[Run]) -> float | None:
+def detect_rate(runs: Sequence[Run]) -> float | None:
     """Sweep rate r = (d omega/dt)/omega, 1/s, common to all runs; None if they show none.
 
     For the slow envelope of a swept motion, Re Y = K - M omega^2 + 2 r M omega^2 d phase/d omega, fitted by least

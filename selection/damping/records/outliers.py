@@ -12,13 +12,13 @@ from damping.records.rows import order_taken
 from damping.records.runs import FEWEST_ROWS, NO_PARABOLA, Run, fit_parabola
 from damping.records.text import per_cent
 
-WILD = 3.0  #: an amplitude is wild if it differs from its neighbours by more than this factor
-MOST_WILD = 0.05  #: largest share of outliers in a run: more such rows are another branch of the response
+ISOLATED = 3.0  #: an amplitude is an outlier if it differs from its neighbours by more than this factor
+MOST_OUTLIERS = 0.05  #: largest share of outliers in a run: more such rows are another branch of the response
 #: A row within this factor, in Y, of one of the three rows before or after it is on the same branch: no outlier.
 SAME_BRANCH = 1.5
 
 
-def find_wild_rows(run: Run, factor: float) -> IntArray:
+def find_isolated_amplitudes(run: Run, factor: float) -> IntArray:
     """Positions in the run of isolated amplitudes more than ``factor`` above, or below, both neighbouring rows.
 
     A resonance between two rows may reach any height: a row at resonance by its phase, or without phases one to which
@@ -28,16 +28,16 @@ def find_wild_rows(run: Run, factor: float) -> IntArray:
     if n < 2 * FEWEST_ROWS:
         return np.empty(0, np.int64)
     places = [k for k in range(n) if _stands_alone(run, k, factor)]
-    return np.array(places if len(places) <= max(1.0, MOST_WILD * n) else [], np.int64)
+    return np.array(places if len(places) <= max(1.0, MOST_OUTLIERS * n) else [], np.int64)
 
 
 #: Least deviation of a row with phase from the line through its neighbours: ln amplitude, and phase, rad;
-STRAY = ((0.25,), (0.5,))
-STRAY_NOISE = 12.0  #: and least deviation over the median deviation
-BESIDE_STRAY = 0.3  #: largest deviation of its other part, and of the neighbouring rows, over that of an isolated row
+OFF_LINE = ((0.25,), (0.5,))
+OFF_LINE_NOISE = 12.0  #: and least deviation over the median deviation
+BESIDE_OFF_LINE = 0.3  #: largest deviation of its other part, and of neighbouring rows, over that of an isolated row
 
 
-def find_stray_rows(run: Run) -> IntArray:
+def find_isolated_phasors(run: Run) -> IntArray:
     """Positions in the run of isolated amplitudes or phases off the straight line through the neighbouring phasors Y.
 
     Along a resonance Y moves evenly, however few rows it has. At the end of a branch both rows at the jump are off; at
@@ -57,11 +57,11 @@ def find_stray_rows(run: Run) -> IntArray:
     of_amplitude = np.maximum(np.abs(all_off.real) - step, 0.0)
     off, size = np.array([of_amplitude, np.abs(all_off.imag)]), np.abs(run.stiffness)
     steep = np.maximum(0.5 * (size[:-2] + size[2:]) / (size[1:-1] * np.exp(all_off.real)), 1.0)  # noise of larger Y
-    least = np.maximum(STRAY, STRAY_NOISE * steep * np.median(off, axis=1, keepdims=True))
-    far = (off > least) & (off[::-1] < BESIDE_STRAY * off)
+    least = np.maximum(OFF_LINE, OFF_LINE_NOISE * steep * np.median(off, axis=1, keepdims=True))
+    far = (off > least) & (off[::-1] < BESIDE_OFF_LINE * off)
     beside = {k: miss(np.delete(rows, k))[max(k - 3, 0) : k + 1] for k in 1 + np.flatnonzero(far.any(axis=0))}
-    alone = [k for k, missed in beside.items() if np.abs(missed).max() < BESIDE_STRAY * off[:, k - 1].max()]
-    return np.array(alone if len(alone) <= max(1.0, MOST_WILD * len(run)) else [], np.int64)
+    alone = [k for k, missed in beside.items() if np.abs(missed).max() < BESIDE_OFF_LINE * off[:, k - 1].max()]
+    return np.array(alone if len(alone) <= max(1.0, MOST_OUTLIERS * len(run)) else [], np.int64)
 
 
 #: Largest difference of a low row's neighbours, ln A/F, over its fall below them: at a jump they differ by as much.
@@ -224,7 +224,7 @@ def _compare_amplitudes(x: FloatArray, y: FloatArray, *, one_mass: bool) -> _Mis
     """Levels whose ln amplitude ``y`` is off the trend of the others against ln force ``x``, (n,).
 
     The trend is a line or, with more levels, a parabola. Beyond the other levels, or with several masses, only a
-    deviation by the factor ``WILD`` counts.
+    deviation by the factor ``ISOLATED`` counts.
     """
     misses: _Misses = {}
     for k in _list_suspects(x, y) if len(x) >= FEWEST_LEVELS else ():
@@ -233,7 +233,7 @@ def _compare_amplitudes(x: FloatArray, y: FloatArray, *, one_mass: bool) -> _Mis
         if not low - FAR_LEVEL < x[k] < high + FAR_LEVEL:
             continue  # friction sticks and joints open there: the trend of the others does not hold
         between = low < x[k] < high
-        least = log(ODD if one_mass and between and len(x) >= FEWEST_COURSE else WILD)
+        least = log(ODD if one_mass and between and len(x) >= FEWEST_COURSE else ISOLATED)
         degrees = (int(high - low > SPREAD), *((2,) if between and len(x) >= FEWEST_CURVED else ()))
         courses = (y - np.polyval(np.polyfit(x[others], y[others], degree), x) for degree in degrees)
         residual = min(courses, key=lambda r: np.abs(r[others]).max() / max(abs(r[k]), 1e-300))

@@ -15,11 +15,9 @@ import pandas as pd
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.records import keys
+from damping.records.summary import MOST_SHOWN, Summarised
 from damping.records.text import (
-    MOST_SHOWN,
     count,
-    describe_as_html,
-    describe_as_text,
     describe_meant,
     describe_separator,
     describe_shortened,
@@ -41,7 +39,7 @@ class _CopiedTable:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Record:
+class Record(Summarised):
     """Steady states, one in each row.
 
     ``table`` has the columns ``sweep`` (text), ``force``, ``frequency`` (Hz), ``amplitude`` and if given ``phase``
@@ -88,8 +86,10 @@ class Record:
         """The source, and the numbers of rows and sweeps."""
         return f"{self.source}: {count(len(self), 'row')} in {count(len(self.sweeps), 'sweep')}"
 
-    def __repr__(self) -> str:
-        return describe_as_text(self.title, self.frame.head(MOST_SHOWN))
+    @property
+    def shown(self) -> pd.DataFrame:
+        """The first rows."""
+        return self.frame.head(MOST_SHOWN)
 
     @property
     def sweeps(self) -> tuple[str, ...]:
@@ -115,9 +115,6 @@ class Record:
     def input(self) -> str:
         """Column that defines levels: for a decay the amplitude, from which its force follows, else the force."""
         return "amplitude" if self.is_decay else "force"
-
-    def _repr_html_(self) -> str:
-        return describe_as_html(self.title, self.frame.head(MOST_SHOWN))
 
     def column(self, name: str, default: float | None = None) -> FloatArray:
         """A numeric column as a new array (n,); ``default`` replaces blank cells or a missing column."""

@@ -5,16 +5,12 @@ import csv
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from html import escape
 from math import isfinite
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, SupportsFloat
+from typing import SupportsFloat
 
 from damping.errors import InputError, describe_nearest
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 DEFAULT_MAX_SIZE = 200_000_000  #: default size limit of a file, bytes (200 MB: some four million steady states)
 
@@ -248,22 +244,6 @@ class CsvRows:
             if broken is not None:
                 raise InputError(broken.message, line=number + 1, expected=broken.expected)
             start = end
-
-
-MOST_SHOWN = 12  #: most rows of a ranking or of a record in a summary
-
-
-def describe_as_text(title: str, shown: "pd.DataFrame", remarks: Iterable[str] = ()) -> str:
-    """Summary for a terminal: a title, a table, and remarks as a list."""
-    text = shown.to_string(index=False, float_format=lambda value: f"{value:.4g}", na_rep="-")
-    return "\n".join([title, text, *(f"- {remark}" for remark in remarks)])
-
-
-def describe_as_html(title: str, shown: "pd.DataFrame", remarks: Iterable[str] = ()) -> str:
-    """Summary for a notebook: a title, a table, and remarks as a list."""
-    table = shown.to_html(index=False, float_format=lambda value: f"{value:.4g}", na_rep="-", border=0)
-    listed = "".join(f"<li>{escape(remark)}</li>" for remark in remarks)
-    return f"<div><p><b>{escape(title)}</b></p>{table}{f'<ul>{listed}</ul>' if listed else ''}</div>"
 
 
 @dataclass(frozen=True)

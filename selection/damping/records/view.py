@@ -14,20 +14,20 @@ from damping.records.implied import (
     AS_LAG,
     Implied,
     classify_phase,
+    detect_rate,
     find_implied,
     has_antiresonance,
     is_incoherent,
-    sense_rate,
 )
 from damping.records.leg import Leg
 from damping.records.mode import Mode
 from damping.records.outliers import (
-    WILD,
+    ISOLATED,
     OddLevel,
+    find_isolated_amplitudes,
+    find_isolated_phasors,
     find_misplaced_rows,
     find_odd_level,
-    find_stray_rows,
-    find_wild_rows,
 )
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
@@ -84,9 +84,13 @@ class View:
         return runs_of(self.record)
 
     @cached_property
-    def wild(self) -> dict[int, str]:
+    def outliers(self) -> dict[int, str]:
         """Outliers against the neighbouring amplitudes, phasors or levels: row of the record, and its sweep."""
-        outliers = [(run, k) for run in self.raw for k in (*find_wild_rows(run, WILD), *find_stray_rows(run))]
+        outliers = [
+            (run, k)
+            for run in self.raw
+            for k in (*find_isolated_amplitudes(run, ISOLATED), *find_isolated_phasors(run))
+        ]
         outliers += [(run, 0) for run in (self.odd.runs if self.odd else ())]
         return {int(run.rows[k]): run.sweep for run, k in outliers} | self.misplaced
 
@@ -105,7 +109,7 @@ class View:
     @cached_property
     def runs(self) -> list[Run]:
         """The runs as recorded, without outliers."""
-        left_out = np.array(sorted(self.wild), dtype=np.int64)
+        left_out = np.array(sorted(self.outliers), dtype=np.int64)
         kept = [run.without(left_out) for run in self.raw] if len(left_out) else self.raw
         return [run for run in kept if len(run)]
 
@@ -167,9 +171,9 @@ class View:
         return {str(sweep): float(eta) for sweep, eta, w in rows if w > 0.0}
 
     @cached_property
-    def sensed(self) -> float | None:
+    def detected_rate(self) -> float | None:
         """Sweep rate (d omega/dt)/omega, 1/s, that the phases show; None if they show none."""
-        return sense_rate([leg.run for leg in self.legs if leg.lag is not None])
+        return detect_rate([leg.run for leg in self.legs if leg.lag is not None])
 
     @cached_property
     def right(self) -> Record:

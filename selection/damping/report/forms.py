@@ -244,8 +244,8 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
             effect: {name: list(free[effect].get(name, (value, value))) for name, value in values.items()}
             for effect, values in parameters.items()
         },
-        "next_test": _tell_test(diagnosis.next_test) if diagnosis.next_test else None,
-        "candidate_tests": [_tell_test(test) for test in diagnosis.next_tests],
+        "next_test": _describe_test(diagnosis.next_test) if diagnosis.next_test else None,
+        "candidate_tests": [_describe_test(test) for test in diagnosis.next_tests],
         "tests": [asdict(test) for test in diagnosis.tests],
         "local": [asdict(estimate) for estimate in diagnosis.local],
         "posterior": None if sampled is None else _posterior(sampled),
@@ -254,7 +254,7 @@ def gap_form(diagnosis: Diagnosis, sampled: EffectPosterior | None = None) -> Fo
     }
 
 
-def _tell_test(test: NextTest) -> Form:
+def _describe_test(test: NextTest) -> Form:
     return asdict(test) | {"expected_log_odds": test.reported_log_odds}
 
 

@@ -14,7 +14,7 @@ from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import ALARM, smallest_p
 from damping.gap.readings import describe_rest
 from damping.gap.scatter import describe_repeatability, describe_scatter
-from damping.gap.sense import RESEMBLES
+from damping.gap.simulator_checks import RESEMBLES
 from damping.gap.weighing import KNOWN
 from damping.records.mode import Units
 from damping.records.text import Disagreement, per_cent

@@ -1,4 +1,4 @@
-"""Whether a user's own simulation makes sense: one answer to one question, in the units of the mode, in Hz."""
+"""Checks of a user's own simulation: repeatable answers, in the units of the mode, to frequencies in Hz."""
 
 import numpy as np
 import pandas as pd
@@ -10,7 +10,7 @@ from damping.records import audit
 from damping.records.record import Record
 
 #: Checks of the audit that a simulator's answer must pass; others depend on the forces and frequencies asked for.
-NONSENSE = ("units", "phase-unit", "phase-sign")
+MUST_PASS = ("units", "phase-unit", "phase-sign")
 REPEATED = 1e-6  #: largest relative difference of two answers to one call: over a tolerance of 1 %, 1e-4 of a slope
 #: Factors between the frequencies that a simulator is given and those that it takes, and on its response there, by the
 #: mistake: a unit of all frequencies, or of those in a stiffness m omega_n^2 alone.
@@ -29,7 +29,7 @@ FAR = 1.0
 NEARER = 0.5
 
 
-def check_sense(simulator: Simulator, record: Record) -> tuple[str, ...]:
+def check_simulator(simulator: Simulator, record: Record) -> tuple[str, ...]:
     """Audit the answer of a simulation to the forces and frequencies of a record; cautions on its unit of frequency.
 
     InputError: two answers to one call, units other than the mode's, a phase that is no lag in radians.
@@ -43,7 +43,7 @@ def check_sense(simulator: Simulator, record: Record) -> tuple[str, ...]:
         raise InputError(what, expected="one answer to one question: fix the seed, or let it converge further")
     answer = Record(asked[["sweep", "force", "frequency"]].assign(amplitude=A, phase=phase), "the simulator's answer")
     for finding in audit(answer, simulator.mode).findings:
-        if finding.verdict == "refuse" and finding.check in NONSENSE:
+        if finding.verdict == "refuse" and finding.check in MUST_PASS:
             what = f"{finding.what}; {finding.advice}"
             raise InputError(what, file=answer.source, expected="amplitudes and lags of a structure")
     return _doubt_frequency(simulator, asked, _measure_distance(asked, A, phase))
