@@ -62,7 +62,9 @@ class Hypothesis:
     log_evidence: float  #: natural logarithm, averaged over forms (and scatters, where they are not stated)
     log_posterior: float  #: log_evidence plus ln of the prior of the effects, not normalised
     #: `list_starts` of further effects, by their forms, once they are found
-    starts: dict[tuple[Form, ...], list[list[Start]]] = field(default_factory=dict, compare=False, repr=False)
+    starts: dict[tuple[Form, ...], list[list[Start]]] = field(
+        default_factory=dict, init=False, compare=False, repr=False
+    )
 
     @property
     def near(self) -> tuple[ModelFit, ...]:
