@@ -214,7 +214,8 @@ def _solve_step(
         gradient = (r[:, np.newaxis] @ weighted)[:, 0] + y
         H[:, diagonal, diagonal] *= 1.0 + damping[:, np.newaxis]
         step = np.asarray(-np.linalg.solve(H, gradient[:, :, np.newaxis])[:, :, 0])
-    return np.clip(step, -_LONGEST_STEP, _LONGEST_STEP), -0.5 * np.sum(gradient * step, axis=1) * (1.0 + damping)
+    bounded = np.minimum(np.maximum(step, -_LONGEST_STEP), _LONGEST_STEP)  # np.clip takes four times as long
+    return bounded, -0.5 * np.sum(gradient * step, axis=1) * (1.0 + damping)
 
 
 def _solve_by_sweeps(
@@ -263,8 +264,8 @@ def _white_jacobian(model: Model, y: FloatArray) -> tuple[FloatArray, FloatArray
 
 def _spread(r: FloatArray) -> FloatArray:
     """Scale of the residuals of each start for the detection of wild points, 1 unless the start is far off."""
-    middle = np.sort(np.abs(r), axis=1)[:, [(r.shape[1] - 1) // 2, r.shape[1] // 2]]
-    scale = 1.4826 * middle.mean(axis=1)  # np.median takes four times as long
+    ordered = np.sort(np.abs(r), axis=1)  # np.median takes several times as long
+    scale = 1.4826 * 0.5 * (ordered[:, (r.shape[1] - 1) // 2] + ordered[:, r.shape[1] // 2])
     return np.where(scale > _FAR_OFF, scale, 1.0)
 
 

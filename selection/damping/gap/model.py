@@ -177,8 +177,7 @@ class Model:
     def jacobian(self, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Residuals r (batch, m) and dr/dy (batch, m, size + 2 sweeps): by differences in x, in closed form in z."""
         batch, size = len(y), self.size
-        points = np.repeat(y[:, np.newaxis, :], size + 1, axis=1)
-        points[:, np.arange(1, size + 1), np.arange(size)] += STEP
+        points = y[:, np.newaxis] + STEP * np.eye(size + 1, y.shape[1], -1)
         moved = self.residuals(points.reshape(batch * (size + 1), -1), size + 1)
         r = moved.r.reshape(batch, size + 1, -1)
         J = np.zeros((batch, r.shape[2], y.shape[1]))

@@ -89,7 +89,7 @@ class PhasorRows(SweepRows):
         """Whether every sweep is one row at phase resonance: an error of a row is then one of its sweep."""
         return self.at_resonance and len(self) == len(self.sweeps)
 
-    @property
+    @cached_property
     def seen(self) -> BoolArray:
         """Whether each residual (values,) was measured."""
         parts = [self.sd_amplitude]
