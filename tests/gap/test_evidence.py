@@ -18,7 +18,6 @@ from damping.gap.corrected import log_density, sample_effects
 from damping.gap.diagnose import explain
 from damping.gap.directed import directed_tests
 from damping.gap.fit import ModelFit, decorrelate, fit_model, fit_roughly
-from damping.gap.hypotheses import find_gain, list_starts
 from damping.gap.model import Model, Scatter
 from damping.gap.problem import setting
 from damping.gap.readings import describe_noise
@@ -249,18 +248,6 @@ def test_importance_draws_give_the_evidence_of_laplace(sampled):
     np.testing.assert_allclose(
         posterior.log_evidence, same.log_evidence, rtol=0.0, atol=4 * posterior.standard_error + 0.01
     )
-
-
-def test_gains_beside_a_hypothesis_are_found_once_and_are_those_of_its_own_fit(lab):
-    start = setting(lab.measured("phase-lag"), lab.mode())
-    search = Search(start.problem, {"phase-lag": CATALOGUE["phase-lag"]}, start.unknowns)
-    search.singles()
-    null, lag = (search.hypotheses[frozenset(names)] for names in ((), ("phase-lag",)))
-    forms = search.forms["phase-lag"]
-    found = list_starts(null, forms, search.units)
-    assert list_starts(null, forms, search.units) is found
-    # a second lag has nothing left to explain; 1: half the chi-square of one degree of freedom, exceeded in one of six
-    assert find_gain(list_starts(replace(null, plain=lag.plain), forms, search.units)) < 1.0 < find_gain(found)
 
 
 def test_a_hypothesis_that_lost_its_mode_is_fitted_again_from_one_that_holds_it(lab):

@@ -130,7 +130,7 @@ class Fits:
     def extend(self, base: Hypothesis, name: str, candidates: list[list[Start]] | None = None) -> None:
         """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
         self.extended.setdefault(name, []).append(base)
-        candidates = candidates or list_starts(base, self.forms[name], self.units)
+        candidates = candidates or list_starts(base.plain, self.forms[name], self.units)
         rough = float(np.sqrt(np.mean(base.plain.measured**2)))
         if np.any(np.abs(base.plain.y[base.plain.model.size :]) > _APART):
             rough = max(rough, _ROUGH * _APART)  # outlying sweeps can hide a gap in their deviations

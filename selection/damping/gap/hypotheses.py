@@ -5,7 +5,7 @@ The derivative of the residuals by a further effect, at an existing fit, gives i
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
 
@@ -61,10 +61,6 @@ class Hypothesis:
     others: tuple[ModelFit, ...]  #: the best plain modes of other forms that are about as good
     log_evidence: float  #: natural logarithm, averaged over forms (and scatters, where they are not stated)
     log_posterior: float  #: log_evidence plus ln of the prior of the effects, not normalised
-    #: `list_starts` of further effects, by their forms, once they are found
-    starts: dict[tuple[Form, ...], list[list[Start]]] = field(
-        default_factory=dict, init=False, compare=False, repr=False
-    )
 
     @property
     def near(self) -> tuple[ModelFit, ...]:
@@ -109,18 +105,12 @@ def order_ways(ways: Mapping[frozenset[str], list[Way]]) -> list[frozenset[str]]
     return sorted(ordered, key=lambda key: (key not in first, key in late))
 
 
-def list_starts(base: Hypothesis, forms: tuple[Form, ...], units: Mapping[Form, float]) -> list[list[Start]]:
-    """Starts of one more effect beside the plain fit of a hypothesis, for each of its ``forms``; found once.
+def list_starts(base: ModelFit, forms: Sequence[Form], units: Mapping[Form, float]) -> list[list[Start]]:
+    """Starts of one more effect beside those of a fit, for each of its ``forms``.
 
     ``units``: strength of each form that opens a gap of one unit of noise, d.d unit^2 = number of residuals; computed
     here where missing. The derivatives d of two forms that mirror each other have opposite signs.
     """
-    if forms not in base.starts:
-        base.starts[forms] = _list_starts(base.plain, forms, units)
-    return base.starts[forms]
-
-
-def _list_starts(base: ModelFit, forms: tuple[Form, ...], units: Mapping[Form, float]) -> list[list[Start]]:
     directions: dict[str, tuple[FloatArray, FloatArray]] = {}
     tried = []
     for form in forms:

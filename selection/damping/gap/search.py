@@ -127,7 +127,7 @@ class Search(Fits):
 
     def _order_starts(self, base: Hypothesis, names: Iterable[str]) -> dict[str, list[list[Start]]]:
         """Starts of further effects beside those of a hypothesis, those of the largest linear gain first."""
-        starts = {name: list_starts(base, self.forms[name], self.units) for name in names}
+        starts = {name: list_starts(base.plain, self.forms[name], self.units) for name in names}
         return dict(sorted(starts.items(), key=lambda of_name: -find_gain(of_name[1])))
 
     def _most_effects(self) -> int:
@@ -200,7 +200,7 @@ class Search(Fits):
         whole = [name for name, forms in self.forms.items() if any(form.whole for form in forms)]
         bases = [self.hypotheses.get(leading.key - {effect}) for effect in leading.effects if len(leading.effects) > 1]
         for base, name in product(filter(None, bases), (name for name in whole if name not in leading.key)):
-            starts = list_starts(base, self.forms[name], self.units)
+            starts = list_starts(base.plain, self.forms[name], self.units)
             gain = max(start.gain for start in chain.from_iterable(starts) if start.part.form.whole)
             if gain > _PROMISES * (leading.log_posterior - base.log_posterior):
                 self.improve(base, name, starts)
@@ -219,7 +219,7 @@ class Search(Fits):
                     continue
                 if any(part <= key and p > base.log_posterior for part, p in quiet.items()):
                     continue  # the linear gain beside that part is the one to trust
-                starts = list_starts(base, self.forms[name], self.units)
+                starts = list_starts(base.plain, self.forms[name], self.units)
                 gain = find_gain(starts)
                 hope = base.log_posterior + _BEYOND_LINES * gain - price
                 if gain > least and hope > best:
