@@ -235,7 +235,7 @@ def test_an_offset_that_the_audit_finds_is_taken_off_before_laws_are_fitted(few_
 
 @pytest.mark.parametrize("tried", ["few_laws", pytest.param("few_draws", marks=pytest.mark.slow)])
 def test_what_neither_explains_is_said_by_both(tried, request):
-    """Three peaks that no law explains, nor any effects: none of three is taken for wild, so that the others fit."""
+    """Three peaks that no law explains, nor any effects: none of them is an outlier, so that the others fit."""
     request.getfixturevalue(tried)
     frame = pd.DataFrame({"sweep": list("ABC"), "force": [1.0, 2.0, 4.0], "frequency": [20.0, 20.01, 19.99]})
     record = dp.Record(frame.assign(amplitude=[0.0016, 0.0019, 0.0085]))

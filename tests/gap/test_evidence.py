@@ -19,12 +19,12 @@ from damping.gap.diagnose import explain
 from damping.gap.directed import directed_tests
 from damping.gap.fit import ModelFit, decorrelate, fit_model, fit_roughly
 from damping.gap.model import Model, Scatter
+from damping.gap.outliers import log_likelihood
 from damping.gap.problem import setting
 from damping.gap.readings import describe_noise
 from damping.gap.rows import UNSEEN
 from damping.gap.search import Search, search_hypotheses
 from damping.gap.unknowns import Unknowns, list_evidences, list_unknowns, marginalise_scatter
-from damping.gap.wild import log_likelihood
 from damping.infer.importance import importance
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -64,9 +64,9 @@ class Linear:
 
     @property
     def problem(self):
-        seen, channels = np.ones(len(self.r0), dtype=bool), ("third",) if self.own < len(self.r0) else ()
+        measured, channels = np.ones(len(self.r0), dtype=bool), ("third",) if self.own < len(self.r0) else ()
         return SimpleNamespace(
-            rows=SimpleNamespace(seen=seen, of_peaks=False, values_of_mode=self.own, channels=channels)
+            rows=SimpleNamespace(measured=measured, of_peaks=False, values_of_mode=self.own, channels=channels)
         )
 
     def residuals(self, y):
@@ -122,7 +122,7 @@ def test_evidence_of_other_scatter_and_noise_is_exact_for_a_linear_model(linear,
         Scatter(0.0, 0.02, 0.8),
     )
     one = exactly(linear)
-    offset = float(log_likelihood(one.r)) + 0.5 * float(one.r @ one.r)  # of the mixture with wild points
+    offset = float(log_likelihood(one.r)) + 0.5 * float(one.r @ one.r)  # of the mixture with outliers
     found = [list_evidences(one, candidate(scatter)).item() - offset for scatter in scatters]
     expected = [replace(linear, scatter=scatter).log_evidence() for scatter in scatters]
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6)  # a Gaussian integral, whatever the mode: rounding
@@ -159,7 +159,7 @@ def test_evidence_of_other_scatter_is_that_of_a_fit_made_at_it(lab):
     found = [list_evidences(plain, candidate(scatter)).item() for scatter in scatters]
     for scatter, value in zip(scatters, found, strict=True):
         again = fit_model(replace(plain.model, scatter=scatter), plain.y[np.newaxis, : plain.model.size])[0]
-        # weights of wild points and the curve of the model change a little with the mode: a tenth of what tells
+        # weights of outliers and the curve of the model change a little with the mode: a tenth of what tells
         np.testing.assert_allclose(value, again.log_evidence, rtol=0.0, atol=0.2, err_msg=str(scatter))
 
 
@@ -209,10 +209,10 @@ def test_values_that_were_not_measured_have_no_neighbours(lab):
     model = Search(start.problem, {}, start.unknowns).run().ranked()[0].plain.model
     unmeasured = replace(start.problem.rows, sd_phase=np.where(start.problem.rows.sweep == 0, UNSEEN, 0.01))
     model = replace(model, problem=replace(model.problem, rows=unmeasured))
-    r = np.random.default_rng(5).normal(size=28) * unmeasured.seen
+    r = np.random.default_rng(5).normal(size=28) * unmeasured.measured
     white, log_det = decorrelate(r, model, 0.6)
     covariance = np.kron(np.eye(3), 0.6 ** np.abs(np.subtract.outer(np.arange(7), np.arange(7))))
-    expected = -0.5 * r[unmeasured.seen] @ np.linalg.solve(covariance, r[unmeasured.seen])
+    expected = -0.5 * r[unmeasured.measured] @ np.linalg.solve(covariance, r[unmeasured.measured])
     expected -= 0.5 * np.linalg.slogdet(covariance)[1]
     np.testing.assert_allclose(-0.5 * white @ white + log_det, expected, rtol=0.0, atol=1e-10)  # rounding
 
@@ -224,7 +224,7 @@ def test_neighbours_are_compared_where_both_are_measured(lab):
     fit = Search(start.problem, {}, start.unknowns).run().ranked()[0].best
     unmeasured = replace(start.problem.rows, sd_phase=np.where(start.problem.rows.sweep == 0, UNSEEN, 0.01))
     problem = replace(fit.model.problem, rows=unmeasured)
-    alike = replace(fit, model=replace(fit.model, problem=problem), r=1.0 * unmeasured.seen)
+    alike = replace(fit, model=replace(fit.model, problem=problem), r=1.0 * unmeasured.measured)
     (test,) = (test for test in directed_tests(alike) if test.name == "neighbours alike")
     np.testing.assert_allclose(test.gain, 18.0, rtol=1e-12, atol=0.0)  # (18/sqrt(18))^2, rounding
 
@@ -294,7 +294,7 @@ def test_importance_draws_give_the_evidence_of_laplace_for_other_effects(lab, na
 
 @pytest.mark.sampling
 def test_nested_sampling_gives_the_evidence_of_laplace(lab):
-    """Over the whole prior, with wild points: nothing is shared with the fit but the residuals."""
+    """Over the whole prior, with outliers: nothing is shared with the fit but the residuals."""
     one = fit_alone(lab, "phase-lag")
     model, z = one.model, np.zeros(2 * one.model.sweeps)
 

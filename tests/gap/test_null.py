@@ -1,4 +1,4 @@
-"""Honest simulations: scatter from sweep to sweep, wild points and parameters within tolerance are no effect."""
+"""Honest simulations: scatter from sweep to sweep, outliers and parameters within tolerance are no effect."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_scatter_left_out_makes_honest_simulations_look_guilty(lab, scattered):
 
 
 @pytest.mark.parametrize("repeatability", [(GAIN, JITTER), pytest.param((None, None), marks=pytest.mark.slow)])
-def test_wild_points_accuse_nobody(lab, scattered, repeatability):
+def test_outliers_accuse_nobody(lab, scattered, repeatability):
     answers = [found(scattered(seed, wild=0.03), lab.mode(*repeatability)) for seed in range(10, 12)]
     assert not any(effects for effects, _ in answers), answers  # two at 1 %: once in 50 times, and seeds are fixed
     assert sum(left for _, left in answers) <= MOST, answers

@@ -12,10 +12,10 @@ from damping.effects import CATALOGUE
 from damping.gap.corrected import list_ends
 from damping.gap.diagnose import diagnose
 from damping.gap.directed import Test
+from damping.gap.outliers import find_pattern
 from damping.gap.readings import describe_rest, describe_rounding, list_far_readings
 from damping.gap.rows import read_rows
 from damping.gap.where import trend
-from damping.gap.wild import find_pattern
 from damping.records.record import Record
 from damping.report.gap import describe_diagnosis
 from damping.result import DiagnosisResult

@@ -20,7 +20,7 @@ SEED = 26112611
         pytest.param("pair:force-instrument", 1290, marks=pytest.mark.slow),
         # friction, then a joint: the other way round the fit stops 25 in ln p short
         pytest.param("pair:force-structure", 1268, marks=pytest.mark.slow),
-        # taken for wild rows alone, found beside an effect that is not there
+        # taken for outlying rows alone, found beside an effect that is not there
         pytest.param("force-dropout:notch", 772, marks=pytest.mark.slow),
     ],
 )

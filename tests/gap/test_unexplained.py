@@ -60,11 +60,11 @@ def test_a_large_gap_without_its_effect_is_unexplained(lab, name, among):
     assert found.gap.nominal > 2.0  # the gap is seen
 
 
-def test_rows_that_nothing_explains_are_not_taken_for_wild_points(lab, among):
+def test_rows_that_nothing_explains_are_not_taken_for_outliers(lab, among):
     smaller = {name: effect for name, effect in among("slip").items() if name != "stiffness-hardening"}
     found = limited(smaller, diagnose, lab.measured("stiffness-hardening", points=13), lab.mode())
     all_rows = np.sqrt(np.mean(nominal_residuals(found.leading.best) ** 2))
-    # there is no wild point in this record; some rows, 5 % of them, may look like one
+    # there is no outlier in this record; some rows, 5 % of them, may look like one
     assert found.gap.nominal > 0.8 * all_rows
 
 
@@ -85,10 +85,10 @@ def test_what_several_effects_explain_with_one_noise_is_tried_with_the_next(monk
     assert found.ranked()[0].log_posterior > afresh.ranked()[0].log_posterior + 10.0
 
 
-def test_peaks_that_trend_are_no_wild_points(among):
+def test_peaks_that_trend_are_no_outliers(among):
     """Damping that saturates, F = 800 tanh(q'/4.0) say: A/F rises by half over five peaks; 1 % of noise, not stated.
 
-    With two of five peaks wild the simulation fitted to its noise (.6 sigma); they are 0.2 and 0.4 off in ln A.
+    With two outliers among five peaks the simulation fitted to its noise (.6 sigma); they are 0.2 and 0.4 off in ln A.
     """
     force = np.array([1.0, 2.0, 4.0, 8.0, 14.0])
     amplitude = force * np.array([1.69, 1.72, 1.75, 1.97, 2.58]) * 1e-4
@@ -129,7 +129,7 @@ def test_a_channel_that_was_not_measured_has_no_residuals(lab):
     rows = read_rows(Record(record.table.assign(**third), "with a third harmonic"), lab.mode())
     assert rows.channels == ("third",)
     assert len(rows.sweep_of_values) == 4 * len(rows)  # amplitude, phase, two parts of the third harmonic
-    assert rows.seen.all()
+    assert rows.measured.all()
 
 
 def test_the_noise_of_a_third_harmonic_goes_with_the_unit_of_length(lab):
@@ -377,7 +377,7 @@ def weigh_alike(ranked):
     return tuple(Explanation(own.hypothesis.effects, q, own.hypothesis) for own, q in zip(ranked, p, strict=True))
 
 
-def test_neither_a_wild_third_harmonic_nor_wrong_phases_hide_the_others(lab):
+def test_neither_an_outlying_third_harmonic_nor_wrong_phases_hide_the_others(lab):
     """Third harmonics of 9 times what tells; 60 degrees turn those predicted from a measured phase against them."""
     alone = lab.diagnosed("velocity-squared").hypotheses[:1]
     fit = alone[0].hypothesis.best

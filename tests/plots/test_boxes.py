@@ -175,7 +175,7 @@ def test_gap_figures_of_sweeps_with_long_names(number):
     names = [NAME.format(i) for i in range(number)]
     frequency = np.linspace(41.0, 43.0, 9)
     measured = pd.concat(
-        pd.DataFrame({"sweep": name, "frequency": frequency, "amplitude": 0.02, "phase": 1.0, "wild": False})
+        pd.DataFrame({"sweep": name, "frequency": frequency, "amplitude": 0.02, "phase": 1.0, "outlier": False})
         for name in names
     )
     predicted = pd.concat(measured.assign(model=model) for model in ("nominal", "refitted", "explained"))

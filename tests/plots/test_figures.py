@@ -254,18 +254,18 @@ def test_legends_of_bands_lie_beside_the_curves_and_name_every_mark(refused) -> 
     assert said == (predicted + ["linear"] + ["refused"] * (True in refused)) * bool(count)
 
 
-@pytest.mark.parametrize("wild", [(), (4,), (1, 4)])
-def test_crosses_of_rows_set_aside_have_their_legend(wild):
+@pytest.mark.parametrize("outliers", [(), (4,), (1, 4)])
+def test_crosses_of_rows_set_aside_have_their_legend(outliers):
     """Only where there are any, and from whichever sweep."""
     columns = {"sweep": list("AAABBB"), "frequency": [1.0, 2.0, 3.0] * 2}
     rows = pd.DataFrame(columns | {"amplitude": 1.0, "phase": 1.0})
-    measured = rows.assign(wild=rows.index.isin(wild))
+    measured = rows.assign(outlier=rows.index.isin(outliers))
     figure = gap_overlay(measured, pd.concat([rows.assign(model=model) for model in MODELS]), "mm")
     (legend,) = figure.legends
     said = [text.get_text() for text in legend.get_texts()]
-    assert said == [name for *_, name in MODELS.values()] + ["measured"] + ["row set aside: wild"] * bool(wild)
+    assert said == [name for *_, name in MODELS.values()] + ["measured"] + ["row set aside: outlier"] * bool(outliers)
     crosses = sum(len(line.get_xdata()) for ax in figure.axes for line in ax.lines if line.get_marker() == "x")
-    assert crosses == 2 * len(wild)  # in amplitude and in phase
+    assert crosses == 2 * len(outliers)  # in amplitude and in phase
 
 
 def test_frequencies_of_resonances_alone_do_not_overlap():

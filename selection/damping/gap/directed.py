@@ -195,12 +195,12 @@ def _neighbours(fit: ModelFit) -> Test:
 def unexplained(fit: ModelFit, tests: Sequence[Test], effects: Mapping[str, Effect]) -> bool:
     """Whether a fit leaves more than noise, or avoids it only by being a free-form curve itself.
 
-    It leaves more where the smallest p-value of all tests together is below ``ALARM``, or too many points are wild. It
-    is a free-form curve with more than ``MOST_FORCES`` missing forces: together they can imitate a law that is not in
-    the library.
+    It leaves more where the smallest p-value of all tests together is below ``ALARM``, or outliers are too many. It is
+    a free-form curve with more than ``MOST_FORCES`` missing forces: together they can imitate a law that is not in the
+    library.
     """
     forces = sum(effects[name].kind == "force" for name in fit.effects)
-    return smallest_p(tests) < ALARM or forces > MOST_FORCES or fit.many_wild
+    return smallest_p(tests) < ALARM or forces > MOST_FORCES or fit.has_outlier_pattern
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Maximum posterior by Levenberg-Marquardt steps with robust weights, several starts at once; Laplace evidence.
 
-The weights are those of expectation maximisation for noise with wild points (`damping.gap.wild`; Dempster, Laird and
+The weights are those of expectation maximisation for noise with outliers (`damping.gap.outliers`; Dempster, Laird and
 Rubin 1977). The steps are those of Marquardt (1963), deviations of many sweeps eliminated sweep by sweep. The evidence
 is Laplace's (Kass and Raftery 1995): with standard normal priors on every variable
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from damping.arrays import BoolArray, FloatArray
 from damping.gap.model import Model
-from damping.gap.wild import WILD_WEIGHT, find_pattern, log_likelihood, robust_weights
+from damping.gap.outliers import OUTLIER_WEIGHT, find_pattern, log_likelihood, robust_weights
 
 #: Most steps. A fit has converged where -ln(posterior) decreases by less than this, plus a share of its excess over
 #: noise: for first fits, which find the same modes as at a hundredth of that share, and for polished ones.
@@ -69,7 +69,7 @@ class ModelFit:
     @property
     def measured(self) -> FloatArray:
         """Residuals of measured values; those of others are zero."""
-        return self.r[self.model.problem.rows.seen]
+        return self.r[self.model.problem.rows.measured]
 
     @property
     def freedom(self) -> float:
@@ -77,20 +77,20 @@ class ModelFit:
         return max(self.measured.size - len(self.y) + float(np.trace(self.covariance)), 1.0)
 
     @property
-    def wild(self) -> BoolArray:
-        """Measured values (m,) that are taken for wild."""
-        return np.asarray(self.model.problem.rows.seen & (self.weights < WILD_WEIGHT))
+    def outliers(self) -> BoolArray:
+        """Measured values (m,) that are taken for outliers."""
+        return np.asarray(self.model.problem.rows.measured & (self.weights < OUTLIER_WEIGHT))
 
     @cached_property
-    def wild_pattern(self) -> str:
-        """Where wild values lie that cannot be stray readings, in words; empty where all may be."""
+    def outlier_pattern(self) -> str:
+        """Where outliers lie that cannot be stray readings, in words; empty where all may be."""
         rows, noise = self.model.problem.rows, self.model.scatter.factor
-        return find_pattern(rows, self.r, self.wild, noise * rows.sd_amplitude) if self.wild.any() else ""
+        return find_pattern(rows, self.r, self.outliers, noise * rows.sd_amplitude) if self.outliers.any() else ""
 
     @property
-    def many_wild(self) -> bool:
-        """Whether some wild values cannot be stray readings."""
-        return bool(self.wild_pattern)
+    def has_outlier_pattern(self) -> bool:
+        """Whether some outliers cannot be stray readings."""
+        return bool(self.outlier_pattern)
 
 
 def fit_model(
@@ -136,9 +136,9 @@ def drop_effect(fit: ModelFit, name: str) -> tuple[Model, FloatArray, FloatArray
 
 
 def _regular(model: Model) -> FloatArray | None:
-    """Weights of 1 for peaks alone, since any simulation fits the three that two wild ones would leave; else None."""
+    """Weights of 1 for peaks alone, since any simulation fits the three that two outliers would leave; else None."""
     rows = model.problem.rows
-    return np.ones(rows.seen.size) if rows.of_peaks else None
+    return np.ones(rows.measured.size) if rows.of_peaks else None
 
 
 def _list_distinct(fits: list[ModelFit]) -> list[ModelFit]:
@@ -158,7 +158,7 @@ def _climb(
 
     Those are not far behind each other, nor behind the cost of a ``rival``. A fit has converged where a step gains no
     more than `_SETTLED` plus ``share`` of its cost beyond noise. In the first steps the spread of the residuals sets
-    the scale of wild points.
+    the scale of outliers.
     """
     if len(y) > _TRIED:
         r = decorrelate(model.residuals(y).r.T, model, model.scatter.correlation)[0].T
@@ -263,7 +263,7 @@ def _white_jacobian(model: Model, y: FloatArray) -> tuple[FloatArray, FloatArray
 
 
 def _spread(r: FloatArray) -> FloatArray:
-    """Scale of the residuals of each start for the detection of wild points, 1 unless the start is far off."""
+    """Scale of the residuals of each start for the detection of outliers, 1 unless the start is far off."""
     ordered = np.sort(np.abs(r), axis=1)  # np.median takes several times as long
     scale = 1.4826 * 0.5 * (ordered[:, (r.shape[1] - 1) // 2] + ordered[:, r.shape[1] // 2])
     return np.where(scale > _FAR_OFF, scale, 1.0)

@@ -76,7 +76,7 @@ class Hypothesis:
 def leaves_noise(hypothesis: Hypothesis) -> bool:
     """Whether the best fit leaves no more than noise."""
     r = hypothesis.plain.measured
-    return not hypothesis.plain.many_wild and spread(r) < 1.0 + FITTING / np.sqrt(r.size)
+    return not hypothesis.plain.has_outlier_pattern and spread(r) < 1.0 + FITTING / np.sqrt(r.size)
 
 
 class Way(NamedTuple):

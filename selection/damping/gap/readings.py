@@ -48,9 +48,9 @@ class FarReading:
 
 
 def list_far_readings(fit: ModelFit) -> tuple[FarReading, ...]:
-    """Readings that a fit treats as wild, the farthest first."""
+    """Readings that a fit treats as outliers, the farthest first."""
     rows = fit.model.problem.rows
-    r = fit.r * np.where(fit.wild, fit.model.scatter.dispersion, 0.0)
+    r = fit.r * np.where(fit.outliers, fit.model.scatter.dispersion, 0.0)
     quantities = by_quantity(rows, r)
     for channel, name in (("third", "third harmonic"), ("cross", "motion across")):
         if channel in rows.channels:
@@ -65,23 +65,25 @@ def list_far_readings(fit: ModelFit) -> tuple[FarReading, ...]:
 
 
 def describe_far_readings(fit: ModelFit) -> list[str]:
-    """The caution that names wild readings, and says whether the numbers of the gap include them."""
+    """The caution that names outliers, and says whether the numbers of the gap include them."""
     readings = list_far_readings(fit)
     if not readings:
         return []
     which = f"{'the largest: ' if len(readings) > _MOST_NAMED else ''}{', '.join(map(str, readings[:_MOST_NAMED]))}"
     count = "1 reading" if len(readings) == 1 else f"{len(readings)} readings"
-    if fit.many_wild:
-        return [f"{count} far off {fit.wild_pattern}: {which}; no fit explains this, the numbers of the gap include it"]
+    if fit.has_outlier_pattern:
+        return [
+            f"{count} far off {fit.outlier_pattern}: {which}; no fit explains this, the numbers of the gap include it"
+        ]
     return [f"{count} excluded as stray from the numbers of the gap: {which}"]
 
 
 def describe_rest(fit: ModelFit, tests: Sequence[Test]) -> str:
     """Evidence, other than its size, that a fit leaves more than noise, in words; empty where there is none."""
-    if fit.many_wild:
+    if fit.has_outlier_pattern:
         readings = list_far_readings(fit)
         count, most = ("1 reading", "") if len(readings) == 1 else (f"{len(readings)} readings", "most of all ")
-        return f"{count} far off {fit.wild_pattern}, {most}the {readings[0]}"
+        return f"{count} far off {fit.outlier_pattern}, {most}the {readings[0]}"
     if (p := smallest_p(tests)) >= ALARM:
         return ""
     name = min(tests, key=lambda test: test.p_value).name
@@ -112,7 +114,7 @@ def measure_scatter(
     rows = fit.model.problem.rows
     if not setting.noise_known or setting.dispersion == 1.0 or unexplained(fit, tests, effects):
         return None
-    kept = (rows.seen & ~fit.wild).reshape(-1, len(rows))[: 1 + rows.has_phase]
+    kept = (rows.measured & ~fit.outliers).reshape(-1, len(rows))[: 1 + rows.has_phase]
     compared = [_compare_roughness(fit, r, keep) for r, keep in zip(fit.r.reshape(-1, len(rows)), kept, strict=False)]
     rough, total = np.array(compared).T
     if not np.sqrt(np.mean((rough / total) ** 2)) > _WHITE:

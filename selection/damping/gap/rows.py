@@ -90,7 +90,7 @@ class PhasorRows(SweepRows):
         return self.at_resonance and len(self) == len(self.sweeps)
 
     @cached_property
-    def seen(self) -> BoolArray:
+    def measured(self) -> BoolArray:
         """Whether each residual (values,) was measured."""
         parts = [self.sd_amplitude]
         parts += [self.sd_phase] if self.has_phase else []
@@ -113,8 +113,8 @@ class PhasorRows(SweepRows):
 
         Of amplitudes and phases: residuals of further channels are mostly what is not predicted, and so always smooth.
         """
-        sweep, seen = self.sweep_of_values, self.seen
-        follows = np.concatenate([[False], (sweep[1:] == sweep[:-1]) & seen[1:] & seen[:-1]])
+        sweep, measured = self.sweep_of_values, self.measured
+        follows = np.concatenate([[False], (sweep[1:] == sweep[:-1]) & measured[1:] & measured[:-1]])
         follows[:: len(self)] = False
         follows[self.values_of_mode :] = False
         return follows

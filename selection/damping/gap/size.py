@@ -39,7 +39,7 @@ class Gap:
 
 
 def measure_gap(leading: ModelFit) -> Gap:
-    """The gap of a record before and after its leading explanation, without wild points."""
+    """The gap of a record before and after its leading explanation, without outliers."""
     regular = regular_values(leading)
     nominal = float(np.sqrt(np.mean(nominal_residuals(leading)[regular] ** 2)))
     after = root_mean_square(leading, regular)
@@ -51,8 +51,8 @@ def measure_gap(leading: ModelFit) -> Gap:
 
 def regular_values(fit: ModelFit) -> BoolArray:
     """Whether values (m,) are measured and not treated as stray readings by a fit."""
-    seen = fit.model.problem.rows.seen
-    return seen if fit.many_wild else seen & ~fit.wild
+    measured = fit.model.problem.rows.measured
+    return measured if fit.has_outlier_pattern else measured & ~fit.outliers
 
 
 def shrinkage(before: float, after: float, values: int) -> float | None:
@@ -169,7 +169,7 @@ def hold_levels_out(setting: Setting, search: Search, leading: ModelFit, progres
     """Hold out each level in turn, the highest first, at most ``MOST_FOLDS``; None with one level.
 
     The best hypotheses of ``search`` are fitted again to the other levels, and the most probable one there is chosen.
-    ``leading``: the fit to the whole record, whose wild points are left out of the comparison.
+    ``leading``: the fit to the whole record, whose outliers are left out of the comparison.
     """
     rows = setting.problem.rows
     levels = np.unique(rows.levels)[::-1][:MOST_FOLDS]

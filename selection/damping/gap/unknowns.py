@@ -17,8 +17,8 @@ from scipy.special import logsumexp
 from damping.arrays import ComplexArray, FloatArray, IntArray
 from damping.gap.fit import ModelFit, decorrelate, fit_roughly
 from damping.gap.model import Scatter
+from damping.gap.outliers import OUTLIER_WEIGHT, log_likelihood
 from damping.gap.rows import UNSEEN, PhasorRows
-from damping.gap.wild import WILD_WEIGHT, log_likelihood
 from damping.records.record import Record
 
 #: Share of the largest values that a spread leaves out, and the root mean square of the others for a normal variable.
@@ -29,7 +29,7 @@ SHARES = (0.0, 0.5, 1.0, 2.0, 4.0, 100.0)
 #: ... noise in proportion to the largest amplitude of each sweep, as of an analyser whose range is set per sweep.
 RANGED = np.inf
 _PRICE = 2.0
-CLIP = 3.0  #: deviations are clipped at this many standard deviations, against wild points
+CLIP = 3.0  #: deviations are clipped at this many standard deviations, against outliers
 FIRST_GUESS = 0.02  #: noise assumed before anything is known, relative: of the order of a careful sine test
 LEAST = 1e-6  #: smallest noise, so that computed records do not divide by zero
 #: Share of a further channel that the model cannot predict: the third harmonic feeds back, axes are not square.
@@ -96,7 +96,7 @@ def roughness(rows: PhasorRows, residual: FloatArray, shares: Sequence[float] = 
     Four neighbours are combined so that any parabola through them cancels (repeated points are neighbours too); two
     where every sweep has fewer than four rows. The noise is s sqrt(1 + (rho A_low/A)^2), a share of the amplitude plus
     a constant part, or a share of the sweep's largest (``RANGED``). rho is the most likely of ``shares``. s is the root
-    mean square without the largest, since a wild point is in four combinations. Rows at phase resonance alone give no
+    mean square without the largest, since an outlier is in four combinations. Rows at phase resonance alone give no
     estimate: ``FIRST_GUESS``.
     """
     width = next((w for w in (4, 2) if max(map(len, rows.runs)) >= w), 1)
@@ -121,7 +121,7 @@ def roughness(rows: PhasorRows, residual: FloatArray, shares: Sequence[float] = 
 
 
 def spread(values: FloatArray) -> float:
-    """Standard deviation of normal values, robust to some wild ones."""
+    """Standard deviation of normal values, robust to some outliers."""
     dropped = int(_TRIMMED * len(values))
     kept = np.sort(values**2)[: len(values) - dropped]
     return float(np.sqrt(kept.mean())) / (_OF_NORMAL if dropped else 1.0)
@@ -186,25 +186,25 @@ def list_unknowns(scatter: Scatter | None, bandwidth: float, noise_error: float,
     )
 
 
-def list_evidences(fit: ModelFit, unknown: Unknowns, wild: bool = True) -> FloatArray:
+def list_evidences(fit: ModelFit, unknown: Unknowns, outliers: bool = True) -> FloatArray:
     """ln evidence of the model of a fit with each scatter, correlation and noise, in the shape of their prior.
 
-    Without ``wild`` points every value counts in full, since a point that is wild at one noise is regular at another.
+    Without ``outliers`` every value counts in full, since an outlier at one noise is regular at another.
     The factor on the noise is of amplitudes and phases alone: further channels leave less than their noise, most of
     which is a share of the phasor that the model may not predict (``FURTHER_ERROR``). Errors e along a sweep of
     correlation rho are independent as (e_i - rho e_(i-1))/sqrt(1 - rho^2).
     """
     k, sweeps = fit.model.size, fit.model.sweeps
     scale = _scales(fit.model.scatter, k, sweeps)
-    wild = wild and not fit.model.problem.rows.of_peaks
-    weights = fit.weights if wild else np.ones(len(fit.r))
+    outliers = outliers and not fit.model.problem.rows.of_peaks
+    weights = fit.weights if outliers else np.ones(len(fit.r))
     root = np.sqrt(weights)
     J = fit.J / scale * root[:, np.newaxis]
     start = fit.r * root - J @ (fit.y * scale)  # residuals at x = 0, b = 0
     precision = (fit.model.scatter.noise / np.array(unknown.noises)) ** 2
     rows, own = fit.model.problem.rows, fit.model.problem.rows.values_of_mode
-    regular = float(np.sum(weights[:own][rows.seen[:own]] > WILD_WEIGHT))
-    robust = float(log_likelihood(fit.r)) + 0.5 * float(weights @ fit.r**2) if wild else 0.0
+    regular = float(np.sum(weights[:own][rows.measured[:own]] > OUTLIER_WEIGHT))
+    robust = float(log_likelihood(fit.r)) + 0.5 * float(weights @ fit.r**2) if outliers else 0.0
     base = robust + 0.5 * regular * np.log(precision) - regular * np.log(fit.model.scatter.noise)
     products, log_dets = [], []
     for rho in unknown.correlations:
@@ -269,7 +269,7 @@ def marginalise_scatter(fit: ModelFit, unknown: Unknowns, least: float) -> Model
         evidences = list_evidences(fit, unknown) + unknown.log_prior
         likely = evidences
         if len(unknown.noises) > 1 and not fit.model.problem.rows.of_peaks:
-            likely = max(evidences, list_evidences(fit, unknown, wild=False) + unknown.log_prior, key=np.max)
+            likely = max(evidences, list_evidences(fit, unknown, outliers=False) + unknown.log_prior, key=np.max)
         best = unknown.scatter(int(np.argmax(likely)))
         if best == fit.model.scatter or float(logsumexp(likely)) < least:
             break

@@ -21,8 +21,8 @@ from damping.gap.directed import Test, smallest_p
 from damping.gap.fit import ModelFit
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.model import residuals
+from damping.gap.outliers import log_likelihood
 from damping.gap.rows import PhasorRows
-from damping.gap.wild import log_likelihood
 
 COVER = 0.95  #: probability that the list of explanations covers
 #: Temperature of the log odds between explanations that all imitate a cause outside the library, by what is measured
@@ -236,7 +236,7 @@ class Group:
 
 
 def distance(fit: ModelFit, other: ModelFit, first: int | None = None) -> float:
-    """Norm of the difference of two best-fitting predictions in units of noise, without wild points.
+    """Norm of the difference of two best-fitting predictions in units of noise, without outliers.
 
     ``first``: number of leading values compared, such as all first harmonics; every value where None.
     """

@@ -72,7 +72,7 @@ class FootprintCell(RowSpan):
 def residual_cells(leading: ModelFit) -> tuple[ResidualCell, ...]:
     """All cells by share of the squared residual of the nominal simulation, largest first; shares add to 1.
 
-    Wild points are left out.
+    Outliers are left out.
     """
     rows = leading.model.problem.rows
     regular = regular_values(leading).astype(float)
@@ -203,7 +203,7 @@ def trend(amplitude: FloatArray, value: FloatArray, sd: FloatArray) -> PowerTren
 
 
 def _mean(values: FloatArray, sd: FloatArray) -> tuple[float, float, FloatArray]:
-    """Weighted mean, its sd and the weights; wild values, beyond ``FAR`` sd from the median, are left out."""
+    """Weighted mean, its sd and the weights; outliers, beyond ``FAR`` sd from the median, are left out."""
     near = np.abs(values - np.median(values)) < FAR * np.hypot(sd, np.median(sd))
     weights = np.where(near | ~near.any(), np.maximum(sd, 1e-12 * np.abs(values)) ** -2.0, 0.0)
     return float(weights @ values / weights.sum()), float(weights.sum() ** -0.5), weights

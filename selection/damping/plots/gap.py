@@ -70,7 +70,7 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str) ->
     """Draw one pair of panels for each sweep: amplitude above phase, over frequency.
 
     Args:
-        measured: ``sweep, frequency (Hz), amplitude, phase (rad, NaN where none), wild`` (left out of the fit).
+        measured: ``sweep, frequency (Hz), amplitude, phase (rad, NaN where none), outlier`` (left out of the fit).
         predicted: ``sweep, model, frequency, amplitude, phase``; models are nominal, refitted, explained.
         length: unit of the amplitude.
     """
@@ -96,7 +96,7 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str) ->
             panels[0].tick_params(axis="x", labelbottom=False)
         if with_phase and column == 0:
             panels[1].set(ylabel="phase lag (rad)", xlabel="frequency (Hz)")
-    drawn = {  # a row is wild in some panels alone
+    drawn = {  # a row is an outlier in some panels alone
         label: handle for ax in axes.flat for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
     }
     figure.legend(list(drawn.values()), list(drawn), loc="outside lower center", ncols=2)
@@ -106,11 +106,11 @@ def gap_overlay(measured: pd.DataFrame, predicted: pd.DataFrame, length: str) ->
 def _draw_panel(ax: Axes, points: pd.DataFrame, curves: pd.DataFrame, quantity: str) -> None:
     ax.set_visible(True)
     _draw_models(ax, curves, "frequency", quantity)
-    regular, wild = points[~points["wild"]], points[points["wild"]]
+    regular, outliers = points[~points["outlier"]], points[points["outlier"]]
     ax.plot(regular["frequency"], regular[quantity], "o", color=look.MEASURED, ms=2.6, label="measured", zorder=3)
-    if len(wild):
+    if len(outliers):
         style: dict[str, Any] = {"color": look.AVERAGE, "markersize": 4, "zorder": 3}
-        ax.plot(wild["frequency"], wild[quantity], "x", **style, label="row set aside: wild")
+        ax.plot(outliers["frequency"], outliers[quantity], "x", **style, label="row set aside: outlier")
     ax.tick_params(axis="both", labelsize=7)
     ax.locator_params(axis="x", nbins=4)
 

@@ -56,7 +56,7 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
         "scatter": describe_scatter(diagnosis.setting, diagnosis.leading.best),
         "known": KNOWN,
         "shown": describe_rest(diagnosis.leading.best, diagnosis.tests),
-        "far_only": diagnosis.leading.best.many_wild and smallest_p(diagnosis.tests) >= ALARM,
+        "far_only": diagnosis.leading.best.has_outlier_pattern and smallest_p(diagnosis.tests) >= ALARM,
     }
     sections = write_sections(Path(__file__).with_name("gap_words.txt"), values)
     return {section.id: [text for block in section.blocks for text in list_sentences(block)] for section in sections}

@@ -196,11 +196,11 @@ def _locate(rows: PhasorRows) -> dict[str, Any]:
 
 
 def _tabulate_measured(leading: ModelFit) -> pd.DataFrame:
-    """Measured rows: ``sweep, frequency, force, amplitude, sd`` (relative)``, phase, wild`` (left out of the fit)."""
+    """Measured rows: ``sweep, frequency, force, amplitude, sd`` (relative)``, phase, outlier`` (not fitted)."""
     rows = leading.model.problem.rows
-    wild = ~np.all(regular_values(leading).reshape(-1, len(rows)), axis=0)
+    outlier = ~np.all(regular_values(leading).reshape(-1, len(rows)), axis=0)
     phase = rows.phase if rows.has_phase else np.nan
-    measured = {"force": rows.F, "amplitude": rows.A, "sd": rows.sd_amplitude, "phase": phase, "wild": wild}
+    measured = {"force": rows.F, "amplitude": rows.A, "sd": rows.sd_amplitude, "phase": phase, "outlier": outlier}
     return pd.DataFrame({**_locate(rows), **measured})
 
 
