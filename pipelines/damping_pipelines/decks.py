@@ -38,7 +38,7 @@ from damping_pipelines.folders import list_files, read_damping
 from damping_pipelines.forms import CampaignForm, Damped, FormPart, LoadsForm
 from damping_pipelines.manifest import digest
 from damping_pipelines.store import check_outputs, write_text
-from damping_pipelines.terminal import tell
+from damping_pipelines.terminal import print_lines
 
 #: Structural codes, each with how its comments begin.
 COMMENTS = {"nastran": "$", "abaqus": "**", "ansys": "!", "opensees": "#", "openfast": "!"}
@@ -128,7 +128,9 @@ def export_deck(source: Path, out: Path, code: str, record: str | None = None) -
     }
     write_text(out, to_ascii(fill_text(Path(__file__).with_suffix(".txt"), values)))
     misses = [f"{m}, {which}: {c}" for m, which, _, c in fitted if c.alone or abs(c.miss) > MOST_MISFIT]
-    tell(f"{out} written: damping for {code}", (*missing, *([unconverted] if fitted and si is None else []), *misses))
+    print_lines(
+        f"{out} written: damping for {code}", (*missing, *([unconverted] if fitted and si is None else []), *misses)
+    )
 
 
 def to_ascii(text: str) -> str:

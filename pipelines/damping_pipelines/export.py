@@ -29,7 +29,7 @@ from damping_pipelines.forms import (
     read_form,
 )
 from damping_pipelines.store import check_outputs, to_parquet, write_bytes, write_text
-from damping_pipelines.terminal import report_findings, tell
+from damping_pipelines.terminal import print_lines, report_findings
 
 _UFF = (".uff", ".unv")
 
@@ -152,7 +152,7 @@ def _export_form(
     _write_table(convert_loads(table, by, form.asked) if isinstance(form, LoadsForm) else convert_curve(table, by), out)
     new = Units(*SYSTEMS[units], "s")
     notes = ["numbers within cautions are text and kept as they are"] if table["cautions"].any() else []
-    tell(f"{len(table)} rows written to {out}, {new.of_base_drive if names.drive != 'force' else new}", notes)
+    print_lines(f"{len(table)} rows written to {out}, {new.of_base_drive if names.drive != 'force' else new}", notes)
 
 
 def _write_record(record: Record, names: Units, out: Path, notes: list[str], *, text: bool, of_base: bool) -> None:
@@ -162,7 +162,7 @@ def _write_record(record: Record, names: Units, out: Path, notes: list[str], *, 
         notes = [*notes, *lost]
     else:
         _write_table(record.frame, out)
-    tell(f"{len(record)} rows written to {out}, {names}", notes)
+    print_lines(f"{len(record)} rows written to {out}, {names}", notes)
 
 
 def _write_table(table: pd.DataFrame, out: Path) -> None:

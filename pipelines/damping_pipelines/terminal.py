@@ -246,7 +246,7 @@ class _Terminal(Console):
         raise
 
 
-def tell(line: str, notes: Iterable[str] = ()) -> None:
+def print_lines(line: str, notes: Iterable[str] = ()) -> None:
     """Print a line, and notes as a list below it."""
     for text in (line, *(f"- {note}" for note in notes)):
         console().print(text)

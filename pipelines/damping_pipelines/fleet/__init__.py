@@ -20,7 +20,7 @@ from damping_pipelines.fleet.analyse import BY_CHANCE, analyse_each
 from damping_pipelines.fleet.page import COLUMNS, describe_fleet_page, list_copies, list_drives, shorten
 from damping_pipelines.manifest import digest, digest_code, publish, sole_writer, versions
 from damping_pipelines.store import refuse_inputs, write_text
-from damping_pipelines.terminal import progress, tell
+from damping_pipelines.terminal import print_lines, progress
 
 BATCH = 32  #: rows of a batch at most
 PERIOD = 5.0  #: seconds after which a batch is written however few rows it has: what a lost power costs
@@ -221,9 +221,9 @@ def _finish(out: Path, kept: dataset.FleetDataSet, settings: dataset.FleetSettin
     )
     counts = table["status"].value_counts()
     outcome = ", ".join(f"{counts[status]} {status}" for status in ("done", "partial", "failed") if status in counts)
-    tell(f"{len(table)} records: {outcome}. {out / 'fleet.html'} and {kept.folder} written")
+    print_lines(f"{len(table)} records: {outcome}. {out / 'fleet.html'} and {kept.folder} written")
     for said in (*list_drives(table, settings.forces), *list_copies(table)):
-        tell(f"Caution: {said}.")
+        print_lines(f"Caution: {said}.")
     lost = table.loc[table["status"] == "failed", "reason"]
     if len(lost):
         raise AnalysisError(f"{len(lost)} of {len(table)} records failed; the first: {lost.iloc[0]}")
