@@ -1,7 +1,8 @@
-"""Roles of the columns of a table, such as frequency, force and response; `USUAL` lists the rules for usual names.
+"""Roles of the columns of a table, such as frequency, force and response, by the first of these that gives one:
 
-A role goes to the column stated for it; else to the one called by the name of the role, unless `_find_own` says that
-this means something else; else to the one that the first of the rules `USUAL` finds.
+1. the column stated for the role; if some are stated, `_find_further` says which other roles are looked for;
+2. the name of the role, unless `_find_own` tells that it means something else there;
+3. the rules `USUAL` on usual names and units, in their order, but for motions if 2 gives one.
 """
 
 import re
@@ -19,8 +20,9 @@ from damping.records.text import describe_meant, describe_shortened
 
 Places: TypeAlias = dict[str, int]  #: columns by role
 ABSCISSA = frozenset(("frequency", "omega", "time"))  #: roles of what sets a row
-_MOTIONS = {name: kind for kind, known in NAMES["motion"].items() for name in known}  #: types of a response by name
 _MOTION = frozenset(("response", "x", "y", "amplitude"))  #: roles of a motion
+#: Types of a response by name.
+_MOTIONS = {name: kind for kind, known in NAMES["motion"].items() for name in known}
 _ROTATIONS = dict.fromkeys(NAMES["rotation"]["displacement"], "displacement")
 _LAGS = {*NAMES["part"]["lag"], *NAMES["part"]["lead"]}
 _WORDS = re.compile(r"[\s_.]+")  #: marks between the words of a name
@@ -55,8 +57,8 @@ def recognise(headers: Sequence[ColumnHeader]) -> Roles:
 def _find_named(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
     places = Places()
     for place, (name, header) in enumerate(zip(names, headers, strict=True)):
-        role = next((role for role in _list_usual(name, header) if role not in places), "")
-        places |= {role: place} if role else {}
+        if role := next((role for role in _list_usual(name, header) if role not in places), ""):
+            places[role] = place
     return places
 
 
@@ -68,13 +70,13 @@ def _find_hertz(headers: Sequence[ColumnHeader], names: Sequence[str], found: Pl
 def _find_motion(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
     free = [k for k, name in enumerate(names) if name in _MOTIONS and k not in found.values()]
     fitting = [k for k in free if fits_role(_MOTIONS[names[k]], headers[k])]
-    return {"response" if is_history(found) else "amplitude": fitting[0]} if fitting else {}
+    return {"response" if _is_history(found) else "amplitude": fitting[0]} if fitting else {}
 
 
 def _find_phase(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
     angles = [k for k, name in enumerate(names) if name in NAMES["phase"]["angle"] and headers[k].angle]
-    phases = list_phases(headers) or (angles if "amplitude" in found and len(angles) == 1 else [])
-    return {"angle": phases[0]} if phases and not is_history(found) else {}
+    phases = _list_phases(headers) or (angles if "amplitude" in found and len(angles) == 1 else [])
+    return {"angle": phases[0]} if phases and not _is_history(found) else {}
 
 
 def _find_rotation(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
@@ -84,11 +86,11 @@ def _find_rotation(headers: Sequence[ColumnHeader], names: Sequence[str], found:
 
 
 def _find_parts(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
-    motions = is_history(found) or "amplitude" in found or "z" in names
+    motions = _is_history(found) or "amplitude" in found or "z" in names
     return {} if motions or not {"x", "y"} <= set(names) else {"x": names.index("x"), "y": names.index("y")}
 
 
-#: Rules by which usual names give roles, in this order: each adds to the roles that those before it found.
+#: Rules on headers and their names (`_name_columns`), in this order: each adds to the roles that those before it found.
 USUAL: dict[str, Callable[[Sequence[ColumnHeader], Sequence[str], Places], Places]] = {
     "a usual name, without a unit or with one of its role": _find_named,
     "the only column in Hz, where no name is that of an abscissa": _find_hertz,
@@ -99,7 +101,7 @@ USUAL: dict[str, Callable[[Sequence[ColumnHeader], Sequence[str], Places], Place
 }
 
 
-def is_history(places: Iterable[str]) -> bool:
+def _is_history(places: Iterable[str]) -> bool:
     """Whether there is a time, and no frequency."""
     return ABSCISSA.intersection(places) == {"time"}
 
@@ -127,17 +129,15 @@ def find_roles(
     by_name = free | own
     stated = {role: find_stated(name, headers, line) for role, name in mapped.items()}
     found = _find_further(stated, by_name)
-    if name := find_shared_name(found, headers):
+    if name := _find_shared_name(found, headers):
         expected = "one, or --column ROLE=NAME or NUMBER"
         raise InputError(f"several columns are {describe_shortened(name)!r}", line=line, expected=expected)
     if not {*stated, *found} - {"sweep"}:
         raise _no_role([header.text for header in headers], line)
-    is_usual = not _MOTION & set(own) and (
-        not stated or {by_name.get("amplitude"), by_name.get("response")} & set(stated.values())
-    )
+    is_taken = not stated or {by_name.get("amplitude"), by_name.get("response")} & set(stated.values())
+    response = usual.response if is_taken and not _MOTION & set(own) else None
     rules = usual.rules | dict.fromkeys(own, "the name of the role") | dict.fromkeys(stated, "stated")
-    places = stated | found
-    return Roles(places, usual.response if is_usual else None, {role: rules[role] for role in places})
+    return Roles(stated | found, response, {role: rules[role] for role in [*stated, *found]})
 
 
 def _find_own(headers: Sequence[ColumnHeader], known: Mapping[str, Iterable[str]], usual: Places) -> Places:
@@ -157,22 +157,19 @@ def _find_own(headers: Sequence[ColumnHeader], known: Mapping[str, Iterable[str]
 
 
 def _find_further(stated: Places, by_name: Places) -> Places:
-    """Columns found by name that are taken beside ``stated`` ones: all if there are none.
-
-    Else those of the setting of a row, of a force beside a frequency and of the phase of an amplitude.
-    """
+    """Columns found by name that are taken beside ``stated`` ones; all, but for an angle, if there are none."""
     if not stated:
         has_angle = "amplitude" in by_name and {"lead_deg", "lag_deg", "lead"}.isdisjoint(by_name)
         return {role: place for role, place in by_name.items() if role != "angle" or has_angle}
-    wanted = {"sweep", "sweep_rate"}
-    if ABSCISSA.isdisjoint(stated):
-        wanted |= ABSCISSA
-    if "force_x" not in stated and "time" not in {*stated, *by_name}:  # a force against time is no amplitude
-        wanted.add("force")
-    if "amplitude" in stated and not set(PHASES) & set(stated):
-        wanted |= set(PHASES)
-    wanted -= set(stated)
-    return {role: place for role, place in by_name.items() if role in wanted and place not in stated.values()}
+    is_wanted = {
+        "sweep": True,
+        "sweep_rate": True,
+        "force": "force_x" not in stated and "time" not in {*stated, *by_name},  # against time it is no amplitude
+        **dict.fromkeys(ABSCISSA, ABSCISSA.isdisjoint(stated)),
+        **dict.fromkeys(PHASES, "amplitude" in stated and not set(PHASES) & set(stated)),
+    }
+    unstated = {role: place for role, place in by_name.items() if role not in stated and place not in stated.values()}
+    return {role: place for role, place in unstated.items() if is_wanted.get(role)}
 
 
 def find_stated(name: str, headers: Sequence[ColumnHeader], line: int | None = None) -> int:
@@ -208,7 +205,7 @@ def _describe_other_delimiter(names: list[str]) -> str:
     return f" (is --delimiter {other} meant?)" if other else ""
 
 
-def list_phases(headers: Sequence[ColumnHeader]) -> list[int]:
+def _list_phases(headers: Sequence[ColumnHeader]) -> list[int]:
     """Columns called ``phase``; else those that begin so, or are called lag or lead, in the unit of an angle."""
     names = [header.name.lower() for header in headers]
     own = [k for k, name in enumerate(names) if name == "phase" and (headers[k].angle or not headers[k].unit)]
@@ -217,10 +214,10 @@ def list_phases(headers: Sequence[ColumnHeader]) -> list[int]:
     return own or [k for k in further if names[k] not in OPTIONAL_COLUMNS]  # phase_sd, phase_3
 
 
-def find_shared_name(places: Mapping[str, int], headers: Sequence[ColumnHeader]) -> str:
+def _find_shared_name(places: Mapping[str, int], headers: Sequence[ColumnHeader]) -> str:
     """The first name that a column with a role shares with another, '' if none; all phases share theirs."""
     titles = [lower_name(header.title) for header in headers]
-    if "angle" in places and len(list_phases(headers)) > 1:
+    if "angle" in places and len(_list_phases(headers)) > 1:
         return "phase"
     return next((titles[place] for place in places.values() if titles.count(titles[place]) > 1), "")
 
