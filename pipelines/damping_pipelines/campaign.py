@@ -13,10 +13,11 @@ from damping.campaign.answer import Campaign, ModeAnswer
 from damping.campaign.runs import DesignLevel, read_corrections
 from damping.campaign.values import Bounds, SensorPrediction
 from damping.errors import InputError, naming
-from damping.formats.columns import find_roles, open_table
+from damping.formats.columns import open_table
 from damping.formats.conversion import SCALINGS
 from damping.formats.headers import find_abscissa_factor
 from damping.formats.quantity import unit
+from damping.formats.roles import find_roles
 from damping.formats.series import Stated
 from damping.plots import describe_with_unit, to_svg
 from damping.plots.curves import mode_over_level
@@ -128,7 +129,7 @@ def _read_design(word: str) -> tuple[DesignLevel, str]:
     named = {"frequency": ("frequency", "freq", "f"), "level": ("level", "amplitude", "input")}
     with naming(path):
         table = open_table(read_bytes(path))
-        places, _ = find_roles(table.headers, {}, named, table.line)
+        places = find_roles(table.headers, {}, named, table.line).places
         missing = [name for name in named if name not in places]
         if missing:
             raise InputError(f"no column {missing[0]}", expected="columns frequency (Hz) and level")

@@ -9,7 +9,9 @@ import pandas as pd
 import pytest
 
 from damping.errors import InputError
+from damping.formats.headers import NAMES, parse_header
 from damping.formats.quantity import find_powers
+from damping.formats.roles import find_roles
 
 #: Roundings of a few operations in double precision.
 CLOSE = 1e-13
@@ -18,6 +20,24 @@ CLOSE = 1e-13
 def write(path, columns):
     pd.DataFrame(columns).to_csv(path, index=False)
     return path
+
+
+@pytest.mark.parametrize(
+    ("table", "stated", "decided"),
+    [
+        ("Lauf, Abtrieb [Hz], M, moment [N m], twist [rad]", {}, "frequency: Hz, force: usual, amplitude: rotation"),
+        ("freq, F [N], Weg [mm], phi [deg]", {}, "frequency: usual, force: usual, amplitude: motion, angle: phase"),
+        ("freq, F [N], Weg [mm], amplitude [mm]", {}, "frequency: usual, force: usual, amplitude: name of the role"),
+        ("freq, F [N], Weg [mm], tip [mm]", {"amplitude": "tip"}, "amplitude: stated, frequency: usual, force: usual"),
+        ("f, x [mm], y [mm]", {}, "frequency: usual, x: name of the role, y: name of the role"),
+        ("t, accel [g], phase", {"response": "accel"}, "response: stated, time: usual"),
+    ],
+)
+def test_each_role_says_which_rule_gave_it_its_column(table, stated, decided):
+    roles = find_roles([parse_header(name) for name in table.split(", ")], stated, NAMES["own"])
+    for role, rule in (said.split(": ") for said in decided.split(", ")):
+        assert rule in roles.rules[role]
+    assert roles.rules.keys() == roles.places.keys()
 
 
 @pytest.mark.parametrize(("name", "factor"), [("um", 1e6), ("mm", 1e3), ("m", 1.0)])

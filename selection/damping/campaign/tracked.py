@@ -22,7 +22,8 @@ from damping.campaign.runs import (
     split_ratio,
 )
 from damping.errors import AnalysisError, InputError
-from damping.formats.columns import DELIMITERS, Layout, TextTable, open_table
+from damping.formats.cells import DELIMITERS
+from damping.formats.columns import Layout, TextTable, open_table
 from damping.formats.headers import ROLE_NAMES, SCALING_WITHIN, ColumnHeader, find_abscissa_factor, lower_name
 from damping.formats.levels import find_level
 from damping.formats.quantity import unit

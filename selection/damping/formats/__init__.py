@@ -17,13 +17,14 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.errors import InputError, naming
 from damping.formats.arrays import list_array_series, list_channels
-from damping.formats.cells import DECIMALS
-from damping.formats.columns import DELIMITERS, Layout, TextTable, find_roles, open_table
+from damping.formats.cells import DECIMALS, DELIMITERS
+from damping.formats.columns import Layout, TextTable, open_table
 from damping.formats.conversion import RESPONSES, SCALINGS
 from damping.formats.headers import ABSCISSAS, NAMES, ROLES
 from damping.formats.levels import ArrayTable, read_levels, split_levels
 from damping.formats.named import UNIT_OF, list_units, note_unheeded_units, require_linear, to_series
 from damping.formats.quantity import SYSTEMS
+from damping.formats.roles import find_roles
 from damping.formats.sampling import find_rows
 from damping.formats.series import FileFacts, Series, Stated, Summary, require_response
 from damping.formats.sweeps import join_refined
@@ -117,7 +118,8 @@ def _list_table_series(
     table: TextTable | ArrayTable, path: str | Path, kind: str, stated: Stated, summary: Summary
 ) -> list[Series]:
     known = NAMES["amplifier" if kind == "lock-in" else "own"]
-    places, response = find_roles(table.headers, stated.columns, known, table.line)
+    roles = find_roles(table.headers, stated.columns, known, table.line)
+    places, response = roles.places, roles.response
     numbers, labels = table.read(places)
     headers = {role: table.headers[place] for role, place in places.items()}
     require_linear(headers)

@@ -8,6 +8,8 @@ from damping.records.text import describe_shortened
 
 _MISSING = ("", "nan", "NaN", "NA", "--", "#N/A", "#NV", "n/a")
 _NOTHING = "|".join(map(re.escape, _MISSING))
+#: Marks between cells; of blanks several count as one.
+DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 #: Decimal marks.
 DECIMALS = {"point": ".", "comma": ","}
 _OTHER = {"point": ",", "comma": "."}

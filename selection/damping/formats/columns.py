@@ -1,4 +1,4 @@
-"""Text tables: layout, and the columns of a CSV file that have a role, as numbers with their units.
+"""Text tables: layout, and columns as numbers.
 
 Lines are read one at a time and only the mapped columns are kept, so that memory stays below a few times the file.
 """
@@ -6,24 +6,21 @@ Lines are read one at a time and only the mapped columns are kept, so that memor
 import csv
 import re
 from array import array
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats.cells import DECIMALS, NUMBER, Thousands, find_decimal, read_number
-from damping.formats.headers import PHASES, ColumnHeader, find_shared_name, merge_units, parse_header, recognise
+from damping.formats.cells import DECIMALS, DELIMITERS, NUMBER, Thousands, find_decimal, read_number
+from damping.formats.headers import ColumnHeader, merge_units, parse_header
+from damping.formats.roles import ABSCISSA, recognise
 from damping.records.keys import LARGEST
-from damping.records.text import CsvRows, count, describe_cell, describe_meant, describe_shortened, recode, unguarded
+from damping.records.text import CsvRows, count, describe_cell, recode, unguarded
 
 _LONGEST_LINE = 1_000_000
 _LOOKED_AT = 60  # lines from which the layout is determined
-#: Roles found by column names even if other roles are stated: the setting of a row.
-_SETTING = ("frequency", "omega", "time")
-
-DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " "}
 _COMMENTS = ("#", "%")
 _BREAK = re.compile(r"\s*[\r\n]+\s*|[\u00a0\u2009\u202f]")
 
@@ -76,7 +73,7 @@ def _lay_out(content: Sequence[tuple[int, str]], mark: str, point: str) -> Layou
     fitting = [k for k, row in enumerate(rows) if len(row) == width and not any(_numeric([c], point) for c in row)]
     at = 0 if len(rows[0]) == width or not whole else next(iter(fitting), 0)
     if whole and not _list_roles(rows[at]):
-        at = next((k for k in fitting if not _list_roles(rows[k]).isdisjoint(_SETTING)), at)
+        at = next((k for k in fitting if not _list_roles(rows[k]).isdisjoint(ABSCISSA)), at)
     line, names = content[at][0] + 1, rows[at]
     merged = merge_units(names, rows[at + 1]) if at + 1 < len(rows) else None
     if merged is None:
@@ -86,7 +83,7 @@ def _lay_out(content: Sequence[tuple[int, str]], mark: str, point: str) -> Layou
 
 def _list_roles(cells: Sequence[str]) -> set[str]:
     """Roles that cells name if they are headers."""
-    return set(recognise([parse_header(cell) for cell in cells])[0])
+    return set(recognise([parse_header(cell) for cell in cells]).places)
 
 
 def _list_cells(line: str, delimiter: str) -> list[str]:
@@ -200,99 +197,3 @@ def _read_header(data: bytes, layout: Layout, skip: int) -> tuple[int, list[str]
     if header is None:
         raise rows.problem or InputError("no header", expected=f"a row of column names after {skip} lines")
     return line, [unguarded(_BREAK.sub(" ", name.strip()).lstrip("#%").strip()) for name in header], rows
-
-
-def find_roles(
-    headers: Sequence[ColumnHeader],
-    mapped: Mapping[str, str],
-    known: Mapping[str, Iterable[str]],
-    line: int | None = None,
-) -> tuple[dict[str, int], str | None]:
-    """Places of the columns that have a role, and the response type from a name; '' if that is a single letter.
-
-    Args:
-        mapped: column stated for each role, with or without its unit, or its number from 1. Frequency, time, sweep, its
-            rate, a force beside a frequency and the phase of an amplitude are found by name if not stated, as are all
-            if it is empty.
-        known: names of columns by role, in lower case and without units; they take precedence over names in laboratory
-            tables (``headers.recognise``).
-        line: of the headers in a text.
-
-    InputError: a missing or repeated column, or no column with a role.
-    """
-    by_name, response = _by_name(headers, known)
-    places = {role: find_stated(name, headers, line) for role, name in mapped.items()}
-    if mapped:
-        taken, setting = set(places.values()), not set(_SETTING) & set(places)
-        undriven = "force_x" not in places and "time" not in {*places, *by_name}  # a force against time is no amplitude
-        unphased = "amplitude" in places and not set(PHASES) & set(places)
-        wanted = {"sweep": True, "sweep_rate": True, "force": undriven} | dict.fromkeys(_SETTING, setting)
-        wanted |= dict.fromkeys(PHASES, unphased)
-        unstated = {role: place for role, place in by_name.items() if role not in places and place not in taken}
-        found = {role: place for role, place in unstated.items() if wanted.get(role)}
-        response = response if taken & {by_name.get("amplitude"), by_name.get("response")} else None
-    else:
-        found = dict(by_name)
-        if "amplitude" not in found or {"lead_deg", "lag_deg", "lead"} & set(found):
-            found.pop("angle", None)
-    if name := find_shared_name(found, headers):
-        expected = "one, or --column ROLE=NAME or NUMBER"
-        raise InputError(f"several columns are {describe_shortened(name)!r}", line=line, expected=expected)
-    if not {*places, *found} - {"sweep"}:
-        raise _no_role([header.text for header in headers], line)
-    return places | found, response
-
-
-def _by_name(headers: Sequence[ColumnHeader], known: Mapping[str, Iterable[str]]) -> tuple[dict[str, int], str | None]:
-    """Columns by role, from names of roles, else from usual names in laboratory tables."""
-    lower = [header.name.lower() for header in headers]
-    # amplitude and amplitude_rms side by side are two columns
-    lower = [h.title.lower() if lower.count(name) > 1 else name for h, name in zip(headers, lower, strict=True)]
-    by_role = {role: lower.index(name) for role, of in known.items() for name in [n for n in of if n in lower][:1]}
-    usual, response = recognise(headers)
-    # x and y are positions against time, or beside a z
-    if "x" in by_role and lower[by_role["x"]] == "x" and not {"x", "y"} <= set(usual):
-        by_role = {role: place for role, place in by_role.items() if role not in ("x", "y")}
-    if "phase" in by_role and "angle" in usual:
-        by_role.pop("phase")
-    if "angle" in by_role and by_role["angle"] == usual.get("amplitude"):  # a rotation
-        by_role.pop("angle")
-    motions = {"response", "x", "y", "amplitude"}
-    if motions & set(by_role):
-        usual = {role: place for role, place in usual.items() if role not in motions - {"angle"}}
-        response = None
-    free = {role: place for role, place in usual.items() if place not in by_role.values() and role not in by_role}
-    return free | by_role, response
-
-
-def find_stated(name: str, headers: Sequence[ColumnHeader], line: int | None = None) -> int:
-    """The column of a stated name, with or without its unit, or of a number from 1 if it is not a name.
-
-    InputError: none or several, with the ``line`` of the header if known.
-    """
-    matches = [k for k, header in enumerate(headers) if name.strip() in (header.text, header.title, header.name)]
-    exact = [k for k in matches if name.strip() in (headers[k].text, headers[k].title)]
-    if not matches and name.strip().isdecimal() and 1 <= int(name) <= len(headers):
-        matches = [int(name) - 1]
-    if len(exact or matches) == 1:
-        return (exact or matches)[0]
-    names = [header.text for header in headers]
-    hint = "" if matches else _describe_other_delimiter(names) or describe_meant(name, names)
-    message = f"{'several columns are' if matches else 'no column'} {describe_shortened(name)!r}{hint}"
-    raise InputError(message, line=line, expected=f"one of {describe_shortened(', '.join(names), 100)}")
-
-
-def _no_role(names: list[str], line: int | None) -> InputError:
-    if names == [str(k + 1) for k in range(len(names))]:
-        expected = f"--column ROLE=NUMBER of its {len(names)} columns, such as frequency=1"
-        return InputError("the table has no header", expected=expected)
-    expected = f"--column ROLE=NAME; it has {describe_shortened(', '.join(names), 100)}"
-    message = f"no column has the name of a role{_describe_other_delimiter(names)}"
-    return InputError(message, line=line, expected=expected)
-
-
-def _describe_other_delimiter(names: list[str]) -> str:
-    """A hint if the header is one cell that contains another delimiter."""
-    marks = ((name, DELIMITERS[name]) for name in ("semicolon", "tab", "comma"))
-    other = next((name for name, mark in marks if len(names) == 1 and mark in names[0]), None)
-    return f" (is --delimiter {other} meant?)" if other else ""

@@ -1,4 +1,4 @@
-"""Column headers: names, units and scalings, and the roles of columns by their names.
+"""Column headers: names, units and scalings.
 
 A header has a name, a unit and a scaling: ``Accel [g rms]``. By their units ``F [N]`` is a force and ``f [Hz]`` a
 frequency.
@@ -6,8 +6,7 @@ frequency.
 
 import re
 import tomllib
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log, pi
 from pathlib import Path
@@ -15,7 +14,6 @@ from typing import Any
 
 from damping.errors import InputError
 from damping.formats.quantity import find_powers
-from damping.records.keys import OPTIONAL_COLUMNS
 from damping.records.text import describe_shortened
 
 _UNIT = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]]*?)\s*[\])]$")
@@ -64,8 +62,6 @@ ROLE_NAMES: dict[str, list[str]] = NAMES["laboratory"]  #: names of columns by r
 NAMES["own"] = {role: [role] for role in ROLES} | NAMES["own"]
 #: Order of the time derivative of displacement by quantity.
 ORDERS: dict[str, int] = {name: kind["order"] for name, kind in NAMES["response"].items() if not kind["per_force"]}
-#: Names of a response that is a rotation.
-_ANGULAR = NAMES["rotation"]["displacement"]
 _KNOWN_NAMES = {
     name for table in ("own", "laboratory", "motion", "amplifier") for names in NAMES[table].values() for name in names
 }
@@ -175,7 +171,7 @@ def _is_unit(name: str, text: str) -> bool:
         return True
     kinds = [kind for kind, names in NAMES["motion"].items() if name in names] or [*NAMES["motion"]]
     kinds = ["force"] if name in ROLE_NAMES["force"] else kinds if name in _KNOWN_NAMES else [*kinds, "force"]
-    may_be = name in ("energy", "mass") or any(_may_be(kind, ColumnHeader(text, name, text)) for kind in kinds)
+    may_be = name in ("energy", "mass") or any(fits_role(kind, ColumnHeader(text, name, text)) for kind in kinds)
     return find_powers(text) is not None and may_be
 
 
@@ -197,94 +193,7 @@ def _names_unit(text: str) -> bool:
     return find_powers(text) is not None and not text.isdecimal()
 
 
-def recognise(headers: Sequence[ColumnHeader]) -> tuple[dict[str, int], str | None]:
-    """Columns by role from the names in a table, and the response type from a name.
-
-    The type is '' for a single letter: ``A`` may be an amplitude of any kind, ``v`` a voltage; its unit tells.
-    With a time, or a ``z`` beside them, ``x`` and ``y`` are not readings of an amplifier.
-    """
-    places: dict[str, int] = {}
-    names = _name_columns(headers)
-    for place, (name, header) in enumerate(zip(names, headers, strict=True)):
-        for role, known in ROLE_NAMES.items():
-            if role not in places and name in known and _may_be(role, header):
-                places[role] = place
-                break
-    in_hertz = [k for k, header in enumerate(headers) if header.unit.lower() in ("hz", "khz")]
-    if not {"frequency", "omega", "time"} & set(places) and len(in_hertz) == 1:
-        places["frequency"] = in_hertz[0]
-    is_time = "time" in places and not {"frequency", "omega"} & set(places)
-    response = None
-    for place, (name, header) in enumerate(zip(names, headers, strict=True)):
-        motion = next((kind for kind, known in NAMES["motion"].items() if name in known), None)
-        free = place not in places.values() and not {"response", "amplitude"} & set(places)
-        if motion and free and _may_be(motion, header):
-            places["response" if is_time else "amplitude"], response = place, motion if len(name) > 1 else ""
-    named = [k for k, name in enumerate(names) if name in NAMES["phase"]["angle"] and headers[k].angle]
-    if not is_time and (phases := list_phases(headers) or (named if "amplitude" in places and len(named) == 1 else [])):
-        places["angle"] = phases[0]
-    of_moment = "force" in places and find_powers(headers[places["force"]].unit) == (1, 1, 0)
-    if of_moment and not {"response", "amplitude", "x"} & set(places):
-        turning = [k for k, name in enumerate(names) if name in _ANGULAR]
-        for place in (place for place in turning if find_powers(headers[place].unit) == (0, 0, 0)):
-            places["amplitude"], response = place, "displacement"
-    if not is_time and {"x", "y"} <= set(names) and "z" not in names and "amplitude" not in places:
-        places |= {"x": names.index("x"), "y": names.index("y")}
-        places.pop("angle", None)
-    return places, response
-
-
-def list_phases(headers: Sequence[ColumnHeader]) -> list[int]:
-    """Columns called ``phase``; else those that begin so, or are called lag or lead, in the unit of an angle."""
-    names = [header.name.lower() for header in headers]
-    own = [k for k, name in enumerate(names) if name == "phase" and (headers[k].angle or not headers[k].unit)]
-    further = [k for k, name in enumerate(names) if headers[k].angle and (name.startswith("phase") or _lags(name))]
-    return own or [k for k in further if names[k] not in OPTIONAL_COLUMNS]  # phase_sd, phase_3
-
-
-def _lags(name: str) -> bool:
-    """Whether a word of a name in lower case is that of a lag or a lead."""
-    return not {*NAMES["part"]["lag"], *NAMES["part"]["lead"]}.isdisjoint(re.split(r"[\s_.]+", name))
-
-
-def find_shared_name(places: Mapping[str, int], headers: Sequence[ColumnHeader]) -> str:
-    """The first name that a column with a role shares with another, '' if none; all phases share theirs."""
-    titles = [lower_name(header.title) for header in headers]
-    if "angle" in places and len(list_phases(headers)) > 1:
-        return "phase"
-    return next((titles[place] for place in places.values() if titles.count(titles[place]) > 1), "")
-
-
-def _name_columns(headers: Sequence[ColumnHeader]) -> list[str]:
-    """Names in lower case; of several words with a unit, such as ``Tip displacement [mm]``, the known word.
-
-    The known word must be of the quantity of the unit, and of no other column: of two forces or motions neither counts.
-    """
-    words = [_known_words(header) for header in headers]
-    columns = Counter(kind for known in words for kind in set(known.values()))
-    return [
-        next((word for word, kind in known.items() if columns[kind] == 1), header.name.lower())
-        for known, header in zip(words, headers, strict=True)
-    ]
-
-
-def _known_words(header: ColumnHeader) -> dict[str, str]:
-    """Quantity by known name of a column, or by each of its known words."""
-    name = header.name.lower()
-    known = {word: kind for word in (name, *re.split(r"[\s_.]+", name)) if (kind := _measures(word, header))}
-    return {name: known[name]} if name in known else known
-
-
-def _measures(word: str, header: ColumnHeader) -> str:
-    """Quantity of a column by a word of its name and its unit: a role, or ``motion``; else ''."""
-    roles = (role for role, known in ROLE_NAMES.items() if role != "sweep" and word in known)
-    motions = (kind for kind, known in NAMES["motion"].items() if word in known)
-    if role := next((role for role in roles if header.unit and _may_be(role, header)), ""):
-        return role
-    return "motion" if any(header.unit and _may_be(kind, header) for kind in motions) else ""
-
-
-def _may_be(role: str, header: ColumnHeader) -> bool:
+def fits_role(role: str, header: ColumnHeader) -> bool:
     """Whether the unit of a header, if there is one, fits the role; a sweep rate may be in octaves."""
     if role == "sweep_rate":
         return header.unit.lower() in RATES or (not header.unit and header.name.lower() == role)

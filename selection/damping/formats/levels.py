@@ -13,8 +13,9 @@ from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.arrays import read_arrays
 from damping.formats.columns import TextTable
-from damping.formats.headers import ABSCISSAS, NAMES, SCALING_WITHIN, ColumnHeader, parse_header, recognise
+from damping.formats.headers import ABSCISSAS, NAMES, SCALING_WITHIN, ColumnHeader, parse_header
 from damping.formats.quantity import find_powers, unit
+from damping.formats.roles import recognise
 from damping.formats.sampling import split
 from damping.formats.series import Samples
 from damping.records.text import describe_shortened
@@ -113,7 +114,7 @@ def find_levels(
         return {}
     shared = {k: header for k, header in enumerate(headers) if k not in found}
     powers = {unit(text).powers for _, text in by_level}
-    force = recognise([*shared.values()])[0].get("force")
+    force = recognise([*shared.values()]).places.get("force")
     drives = [
         header
         for k, header in enumerate(shared.values())

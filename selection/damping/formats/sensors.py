@@ -9,17 +9,16 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from damping.errors import InputError
-from damping.formats.columns import find_stated
 from damping.formats.headers import (
     NAMES,
     ColumnHeader,
     describe_angle,
     is_in_decibels,
     parse_header,
-    recognise,
     refuse_decibels,
 )
 from damping.formats.quantity import find_powers
+from damping.formats.roles import find_stated, recognise
 from damping.formats.sampling import split
 from damping.records.keys import OPTIONAL_COLUMNS
 from damping.records.text import describe_shortened
@@ -60,7 +59,7 @@ def find_setting(headers: Sequence[ColumnHeader], stated: Mapping[str, str]) -> 
 
     InputError: a role that one sensor has, or no such column.
     """
-    named = {role: k for role, k in recognise(headers)[0].items() if role in SETTING}
+    named = {role: k for role, k in recognise(headers).places.items() if role in SETTING}
     lower = [header.name.lower() for header in headers]
     named = {role: lower.index(role) for role in SETTING if lower.count(role) == 1} | named
     for role, name in stated.items():

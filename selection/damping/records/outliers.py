@@ -1,4 +1,12 @@
-"""Outliers: rows off their neighbours or out of order, and levels of one row off the trend of the others."""
+"""Outliers: rows off their neighbours or out of order, and levels of one row off the trend of the others.
+
+Each rule judges the runs as recorded, whatever the others find; an outlier is what any of them finds:
+1. `_stands_alone`: an amplitude a factor above, or below, both its neighbours;
+2. `_list_off_line`: with phases also a smaller step, of amplitude or phase alone, where the rows beside it move evenly;
+3. `find_misplaced_rows`: a frequency that alone breaks the order of its sweep, of a response that does not;
+4. `find_odd_level`: of sweeps of one row, which 1 to 3 leave out, an odd amplitude, or if there is none a frequency.
+None is found where it may be a resonance, a jump, another branch (many rows by 1, or by 2), or friction at low force.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,17 +26,13 @@ MOST_OUTLIERS = 0.05  #: largest share of outliers in a run: more such rows are 
 SAME_BRANCH = 1.5
 
 
-def find_isolated_amplitudes(run: Run, factor: float) -> IntArray:
-    """Positions in the run of isolated amplitudes more than ``factor`` above, or below, both neighbouring rows.
-
-    A resonance between two rows may reach any height: a row at resonance by its phase, or without phases one to which
-    the neighbouring rows rise, is not an outlier.
-    """
+def find_isolated_rows(run: Run) -> list[int]:
+    """Positions in the run of rows off their neighbours: by `_stands_alone`, and with phases by `_list_off_line`."""
     n = len(run)
     if n < 2 * FEWEST_ROWS:
-        return np.empty(0, np.int64)
-    places = [k for k in range(n) if _stands_alone(run, k, factor)]
-    return np.array(places if len(places) <= max(1.0, MOST_OUTLIERS * n) else [], np.int64)
+        return []
+    by_rule = [k for k in range(n) if _stands_alone(run, k)], _list_off_line(run)
+    return [k for places in by_rule if len(places) <= max(1.0, MOST_OUTLIERS * n) for k in places]
 
 
 #: Least deviation of a row with phase from the line through its neighbours: ln amplitude, and phase, rad;
@@ -37,15 +41,15 @@ OFF_LINE_NOISE = 12.0  #: and least deviation over the median deviation
 BESIDE_OFF_LINE = 0.3  #: largest deviation of its other part, and of neighbouring rows, over that of an isolated row
 
 
-def find_isolated_phasors(run: Run) -> IntArray:
+def _list_off_line(run: Run) -> list[int]:
     """Positions in the run of isolated amplitudes or phases off the straight line through the neighbouring phasors Y.
 
     Along a resonance Y moves evenly, however few rows it has. At the end of a branch both rows at the jump are off; at
     a bend amplitude and phase are off together. If the recorded force departs from that of the neighbours by a factor,
     A/F may depart by as much: damping that grows as a power p of amplitude makes it F^(1/p - 1).
     """
-    if run.phase is None or len(run) < 2 * FEWEST_ROWS or np.any(np.diff(run.omega) <= 0.0):
-        return np.empty(0, np.int64)
+    if run.phase is None or np.any(np.diff(run.omega) <= 0.0):
+        return []
 
     def miss(kept: IntArray) -> ComplexArray:
         x, Y = run.omega[kept], run.stiffness[kept]
@@ -59,38 +63,38 @@ def find_isolated_phasors(run: Run) -> IntArray:
     steep = np.maximum(0.5 * (size[:-2] + size[2:]) / (size[1:-1] * np.exp(all_off.real)), 1.0)  # noise of larger Y
     least = np.maximum(OFF_LINE, OFF_LINE_NOISE * steep * np.median(off, axis=1, keepdims=True))
     far = (off > least) & (off[::-1] < BESIDE_OFF_LINE * off)
-    beside = {k: miss(np.delete(rows, k))[max(k - 3, 0) : k + 1] for k in 1 + np.flatnonzero(far.any(axis=0))}
-    alone = [k for k, missed in beside.items() if np.abs(missed).max() < BESIDE_OFF_LINE * off[:, k - 1].max()]
-    return np.array(alone if len(alone) <= max(1.0, MOST_OUTLIERS * len(run)) else [], np.int64)
+    places = (1 + np.flatnonzero(far.any(axis=0))).tolist()
+    beside = {k: miss(np.delete(rows, k))[max(k - 3, 0) : k + 1] for k in places}
+    return [k for k, missed in beside.items() if np.abs(missed).max() < BESIDE_OFF_LINE * off[:, k - 1].max()]
 
 
 #: Largest difference of a low row's neighbours, ln A/F, over its fall below them: at a jump they differ by as much.
 UNEVEN = 0.3
 
 
-def _stands_alone(run: Run, k: int, factor: float) -> bool:
+def _stands_alone(run: Run, k: int) -> bool:
+    """Whether an amplitude is far from both neighbouring rows, off their branch, and no resonance, however high."""
     n, g = len(run), run.compliance
     beside = [m for m in (k - 1, k + 1) if 0 <= m < n]
     above, below = g[k] - max(g[beside]), min(g[beside]) - g[k]
-    if max(above, below) < log(factor) or (below > 0.0 and np.ptp(g[beside]) > UNEVEN * below):
+    if max(above, below) < log(ISOLATED) or (below > 0.0 and np.ptp(g[beside]) > UNEVEN * below):
         return False
     near = np.array([m for m in range(max(0, k - 3), min(n, k + 4)) if m != k])
     if np.abs(np.log(run.stiffness[near] / run.stiffness[k])).min() < log(SAME_BRANCH):
         return False
-    return above < 0.0 or not _may_resonate(run, k, factor)
+    return above < 0.0 or not _may_resonate(run, k)
 
 
 MOST_COARSE = 40  #: a sweep with more rows shows its resonance in more than one row
 
 
-def _may_resonate(run: Run, k: int, factor: float) -> bool:
-    """Whether row ``k``, above its neighbours, may be the resonance."""
-    if run.phase is not None:  # neighbours have similar damping, |Y| sin(phase); a reading too large makes it smaller
-        others = np.delete(np.arange(len(run)), k)
-        damping = np.abs(run.stiffness.imag)
-        near = others[np.argsort(np.abs(others - k), kind="stable")[:6]]
-        return bool(damping[k] > np.median(damping[near]) / factor)
+def _may_resonate(run: Run, k: int) -> bool:
+    """Whether row ``k``, above its neighbours, may be the resonance: by its phase, else as the others rise to it."""
     rest = np.delete(np.arange(len(run)), k)
+    if run.phase is not None:  # neighbours have similar damping, |Y| sin(phase); a reading too large makes it smaller
+        damping = np.abs(run.stiffness.imag)
+        near = rest[np.argsort(np.abs(rest - k), kind="stable")[:6]]
+        return bool(damping[k] > np.median(damping[near]) / ISOLATED)
     if abs(int(np.argmax(run.compliance[rest])) - k) > 1 or len(rest) >= MOST_COARSE:
         return False
     size = run.F / run.A
@@ -99,7 +103,7 @@ def _may_resonate(run: Run, k: int, factor: float) -> bool:
     if fitted is None:
         return True
     follows = fitted.misfit(run.omega[near], size[near] ** 2) < NO_PARABOLA + 2.0 * run.noise
-    return not (follows and size[k] ** 2 * factor**2 < fitted.least)
+    return not (follows and size[k] ** 2 * ISOLATED**2 < fitted.least)
 
 
 FEWEST_IN_ORDER = 8  #: fewest rows of a sweep that have an order

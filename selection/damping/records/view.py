@@ -21,14 +21,7 @@ from damping.records.implied import (
 )
 from damping.records.leg import Leg
 from damping.records.mode import Mode
-from damping.records.outliers import (
-    ISOLATED,
-    OddLevel,
-    find_isolated_amplitudes,
-    find_isolated_phasors,
-    find_misplaced_rows,
-    find_odd_level,
-)
+from damping.records.outliers import OddLevel, find_isolated_rows, find_misplaced_rows, find_odd_level
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
 from damping.records.rows import list_rates
@@ -86,11 +79,7 @@ class View:
     @cached_property
     def outliers(self) -> dict[int, str]:
         """Outliers against the neighbouring amplitudes, phasors or levels: row of the record, and its sweep."""
-        outliers = [
-            (run, k)
-            for run in self.raw
-            for k in (*find_isolated_amplitudes(run, ISOLATED), *find_isolated_phasors(run))
-        ]
+        outliers = [(run, k) for run in self.raw for k in find_isolated_rows(run)]
         outliers += [(run, 0) for run in (self.odd.runs if self.odd else ())]
         return {int(run.rows[k]): run.sweep for run, k in outliers} | self.misplaced
 

@@ -1,0 +1,254 @@
+"""Roles of the columns of a table, such as frequency, force and response, by the first of these that gives one:
+
+1. the column stated for the role; if some are stated, `_find_further` says which other roles are looked for;
+2. the name of the role, unless `_find_own` tells that it means something else there;
+3. the rules `USUAL` on usual names and units, in their order, but for motions if 2 gives one.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from damping.errors import InputError
+from damping.formats.cells import DELIMITERS
+from damping.formats.headers import NAMES, PHASES, ROLE_NAMES, ColumnHeader, fits_role, lower_name
+from damping.formats.quantity import find_powers
+from damping.records.keys import OPTIONAL_COLUMNS
+from damping.records.text import describe_meant, describe_shortened
+
+Places: TypeAlias = dict[str, int]  #: columns by role
+ABSCISSA = frozenset(("frequency", "omega", "time"))  #: roles of what sets a row
+_MOTION = frozenset(("response", "x", "y", "amplitude"))  #: roles of a motion
+#: Types of a response by name.
+_MOTIONS = {name: kind for kind, known in NAMES["motion"].items() for name in known}
+_ROTATIONS = dict.fromkeys(NAMES["rotation"]["displacement"], "displacement")
+_LAGS = {*NAMES["part"]["lag"], *NAMES["part"]["lead"]}
+_WORDS = re.compile(r"[\s_.]+")  #: marks between the words of a name
+
+
+@dataclass(frozen=True)
+class Roles:
+    """The columns of a table that have a role."""
+
+    places: Places
+    response: str | None  #: type of the response by its usual name, '' if that is a single letter
+    rules: dict[str, str]  #: what gave each role its column: ``stated``, ``the name of the role``, or one of `USUAL`
+
+
+def recognise(headers: Sequence[ColumnHeader]) -> Roles:
+    """Columns by role from the usual names in a table, by the rules `USUAL`.
+
+    The type of the response is '' for a single letter: ``A`` may be an amplitude of any kind, ``v`` a voltage.
+    """
+    names, places, rules = _name_columns(headers), Places(), dict[str, str]()
+    for rule, find in USUAL.items():
+        found = find(headers, names, places)
+        places |= found
+        rules |= dict.fromkeys(found, rule)
+    if "x" in places and "angle" in places:  # parts have no other phase
+        del places["angle"], rules["angle"]
+    name = next((names[places[role]] for role in ("amplitude", "response") if role in places), None)
+    response = None if name is None else (_MOTIONS | _ROTATIONS)[name] if len(name) > 1 else ""
+    return Roles(places, response, rules)
+
+
+def _find_named(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
+    places = Places()
+    for place, (name, header) in enumerate(zip(names, headers, strict=True)):
+        if role := next((role for role in _list_usual(name, header) if role not in places), ""):
+            places[role] = place
+    return places
+
+
+def _find_hertz(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
+    in_hertz = [k for k, header in enumerate(headers) if header.unit.lower() in ("hz", "khz")]
+    return {"frequency": in_hertz[0]} if len(in_hertz) == 1 and ABSCISSA.isdisjoint(found) else {}
+
+
+def _find_motion(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
+    free = [k for k, name in enumerate(names) if name in _MOTIONS and k not in found.values()]
+    fitting = [k for k in free if fits_role(_MOTIONS[names[k]], headers[k])]
+    return {"response" if _is_history(found) else "amplitude": fitting[0]} if fitting else {}
+
+
+def _find_phase(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
+    angles = [k for k, name in enumerate(names) if name in NAMES["phase"]["angle"] and headers[k].angle]
+    phases = _list_phases(headers) or (angles if "amplitude" in found and len(angles) == 1 else [])
+    return {"angle": phases[0]} if phases and not _is_history(found) else {}
+
+
+def _find_rotation(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
+    turning = [k for k, name in enumerate(names) if name in _ROTATIONS and find_powers(headers[k].unit) == (0, 0, 0)]
+    of_moment = "force" in found and find_powers(headers[found["force"]].unit) == (1, 1, 0)
+    return {"amplitude": turning[-1]} if turning and of_moment and not {"response", "amplitude"} & set(found) else {}
+
+
+def _find_parts(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
+    motions = _is_history(found) or "amplitude" in found or "z" in names
+    return {} if motions or not {"x", "y"} <= set(names) else {"x": names.index("x"), "y": names.index("y")}
+
+
+#: Rules on headers and their names (`_name_columns`), in this order: each adds to the roles that those before it found.
+USUAL: dict[str, Callable[[Sequence[ColumnHeader], Sequence[str], Places], Places]] = {
+    "a usual name, without a unit or with one of its role": _find_named,
+    "the only column in Hz, where no name is that of an abscissa": _find_hertz,
+    "the first motion: against time a response, else an amplitude": _find_motion,
+    "the first phase, or the only angle of an amplitude; not against time": _find_phase,
+    "the last rotation beside a moment, without another motion": _find_rotation,
+    "x and y without time, amplitude and z: the parts of a complex response": _find_parts,
+}
+
+
+def _is_history(places: Iterable[str]) -> bool:
+    """Whether there is a time, and no frequency."""
+    return ABSCISSA.intersection(places) == {"time"}
+
+
+def find_roles(
+    headers: Sequence[ColumnHeader],
+    mapped: Mapping[str, str],
+    known: Mapping[str, Iterable[str]],
+    line: int | None = None,
+) -> Roles:
+    """Columns that have a role.
+
+    Args:
+        mapped: column stated for each role, with or without its unit, or its number from 1; `_find_further` says which
+            roles are then found by name.
+        known: names of columns by role, in lower case and without units; they take precedence over usual names.
+        line: of the headers in a text.
+
+    InputError: a missing or repeated column, or no column with a role.
+    """
+    usual = recognise(headers)
+    own = _find_own(headers, known, usual.places)
+    excluded = {*own, *_MOTION} if _MOTION & set(own) else set(own)
+    free = {role: k for role, k in usual.places.items() if role not in excluded and k not in own.values()}
+    by_name = free | own
+    stated = {role: find_stated(name, headers, line) for role, name in mapped.items()}
+    found = _find_further(stated, by_name)
+    if name := _find_shared_name(found, headers):
+        expected = "one, or --column ROLE=NAME or NUMBER"
+        raise InputError(f"several columns are {describe_shortened(name)!r}", line=line, expected=expected)
+    if not {*stated, *found} - {"sweep"}:
+        raise _no_role([header.text for header in headers], line)
+    is_taken = not stated or {by_name.get("amplitude"), by_name.get("response")} & set(stated.values())
+    response = usual.response if is_taken and not _MOTION & set(own) else None
+    rules = usual.rules | dict.fromkeys(own, "the name of the role") | dict.fromkeys(stated, "stated")
+    return Roles(stated | found, response, {role: rules[role] for role in [*stated, *found]})
+
+
+def _find_own(headers: Sequence[ColumnHeader], known: Mapping[str, Iterable[str]], usual: Places) -> Places:
+    """Columns called by the names of roles, without those that mean something else beside the ``usual`` ones."""
+    lower = [header.name.lower() for header in headers]
+    # amplitude and amplitude_rms side by side are two columns
+    lower = [h.title.lower() if lower.count(name) > 1 else name for h, name in zip(headers, lower, strict=True)]
+    own = {role: lower.index(name) for role, of in known.items() for name in [n for n in of if n in lower][:1]}
+    are_positions = "x" in own and lower[own["x"]] == "x" and not {"x", "y"} <= set(usual)  # by time, or beside a z
+    is_something_else = {
+        "x": are_positions,
+        "y": are_positions,
+        "phase": "angle" in usual,  # whether it is a lag or a lead shows later
+        "angle": own.get("angle") == usual.get("amplitude"),  # a rotation
+    }
+    return {role: place for role, place in own.items() if not is_something_else.get(role)}
+
+
+def _find_further(stated: Places, by_name: Places) -> Places:
+    """Columns found by name that are taken beside ``stated`` ones; all, but for an angle, if there are none."""
+    if not stated:
+        has_angle = "amplitude" in by_name and {"lead_deg", "lag_deg", "lead"}.isdisjoint(by_name)
+        return {role: place for role, place in by_name.items() if role != "angle" or has_angle}
+    is_wanted = {
+        "sweep": True,
+        "sweep_rate": True,
+        "force": "force_x" not in stated and "time" not in {*stated, *by_name},  # against time it is no amplitude
+        **dict.fromkeys(ABSCISSA, ABSCISSA.isdisjoint(stated)),
+        **dict.fromkeys(PHASES, "amplitude" in stated and not set(PHASES) & set(stated)),
+    }
+    unstated = {role: place for role, place in by_name.items() if role not in stated and place not in stated.values()}
+    return {role: place for role, place in unstated.items() if is_wanted.get(role)}
+
+
+def find_stated(name: str, headers: Sequence[ColumnHeader], line: int | None = None) -> int:
+    """The column of a stated name, with or without its unit, or of a number from 1 if it is not a name.
+
+    InputError: none or several, with the ``line`` of the header if known.
+    """
+    matches = [k for k, header in enumerate(headers) if name.strip() in (header.text, header.title, header.name)]
+    exact = [k for k in matches if name.strip() in (headers[k].text, headers[k].title)]
+    if not matches and name.strip().isdecimal() and 1 <= int(name) <= len(headers):
+        matches = [int(name) - 1]
+    if len(exact or matches) == 1:
+        return (exact or matches)[0]
+    names = [header.text for header in headers]
+    hint = "" if matches else _describe_other_delimiter(names) or describe_meant(name, names)
+    message = f"{'several columns are' if matches else 'no column'} {describe_shortened(name)!r}{hint}"
+    raise InputError(message, line=line, expected=f"one of {describe_shortened(', '.join(names), 100)}")
+
+
+def _no_role(names: list[str], line: int | None) -> InputError:
+    if names == [str(k + 1) for k in range(len(names))]:
+        expected = f"--column ROLE=NUMBER of its {len(names)} columns, such as frequency=1"
+        return InputError("the table has no header", expected=expected)
+    expected = f"--column ROLE=NAME; it has {describe_shortened(', '.join(names), 100)}"
+    message = f"no column has the name of a role{_describe_other_delimiter(names)}"
+    return InputError(message, line=line, expected=expected)
+
+
+def _describe_other_delimiter(names: list[str]) -> str:
+    """A hint if the header is one cell that contains another delimiter."""
+    marks = ((name, DELIMITERS[name]) for name in ("semicolon", "tab", "comma"))
+    other = next((name for name, mark in marks if len(names) == 1 and mark in names[0]), None)
+    return f" (is --delimiter {other} meant?)" if other else ""
+
+
+def _list_phases(headers: Sequence[ColumnHeader]) -> list[int]:
+    """Columns called ``phase``; else those that begin so, or are called lag or lead, in the unit of an angle."""
+    names = [header.name.lower() for header in headers]
+    own = [k for k, name in enumerate(names) if name == "phase" and (headers[k].angle or not headers[k].unit)]
+    lags = [name.startswith("phase") or not _LAGS.isdisjoint(_WORDS.split(name)) for name in names]
+    further = [k for k, header in enumerate(headers) if header.angle and lags[k]]
+    return own or [k for k in further if names[k] not in OPTIONAL_COLUMNS]  # phase_sd, phase_3
+
+
+def _find_shared_name(places: Mapping[str, int], headers: Sequence[ColumnHeader]) -> str:
+    """The first name that a column with a role shares with another, '' if none; all phases share theirs."""
+    titles = [lower_name(header.title) for header in headers]
+    if "angle" in places and len(_list_phases(headers)) > 1:
+        return "phase"
+    return next((titles[place] for place in places.values() if titles.count(titles[place]) > 1), "")
+
+
+def _list_usual(name: str, header: ColumnHeader) -> list[str]:
+    """Roles that have a usual name, and whose unit fits if there is one."""
+    return [role for role, known in ROLE_NAMES.items() if name in known and fits_role(role, header)]
+
+
+def _name_columns(headers: Sequence[ColumnHeader]) -> list[str]:
+    """Names in lower case; of several words with a unit, such as ``Tip displacement [mm]``, the known word.
+
+    The known word must be of the quantity of the unit, and of no other column: of two forces or motions neither counts.
+    """
+    words = [_known_words(header) for header in headers]
+    columns = Counter(kind for known in words for kind in set(known.values()))
+    return [
+        next((word for word, kind in known.items() if columns[kind] == 1), header.name.lower())
+        for known, header in zip(words, headers, strict=True)
+    ]
+
+
+def _known_words(header: ColumnHeader) -> dict[str, str]:
+    """Quantity by known name of a column, or by each of its known words."""
+    name = header.name.lower()
+    known = {word: kind for word in (name, *_WORDS.split(name)) if (kind := _measures(word, header))}
+    return {name: known[name]} if name in known else known
+
+
+def _measures(word: str, header: ColumnHeader) -> str:
+    """Quantity of a column by a word of its name and its unit: a role, or ``motion``; else ''."""
+    roles = [role for role in _list_usual(word, header) if role != "sweep" and header.unit]
+    is_motion = header.unit and word in _MOTIONS and fits_role(_MOTIONS[word], header)
+    return roles[0] if roles else "motion" if is_motion else ""
