@@ -23,7 +23,7 @@ from damping.formats.levels import DRIVE, NUMBERED, find_level
 from damping.formats.quantity import find_powers, unit
 from damping.formats.sensors import SensorColumns, group_columns
 from damping.formats.series import Samples, Series, Summary, require_finite
-from damping.formats.sweeps import SweepMotion, find_refined
+from damping.formats.sweeps import join_refined
 from damping.formats.tables import SensorTable, list_reading_series, read_tables
 from damping.records.keys import LARGEST
 from damping.records.text import count, describe_shortened
@@ -174,6 +174,10 @@ def _list_runs(content: _Content) -> list[CampaignRun]:
     for reading in content.drives:
         of_force = [replace(s, response=np.asarray(s.force)) for s in content.list_series(content.sensors[0], reading)]
         series[reading.name] = content.list_series(reading, drive) if reading.has_phase else of_force
+    if drive is not None:
+        forces = [s.response for s in series[drive.name]]
+        driven = [[replace(s, force=F) for s, F in zip(of, forces, strict=True)] for of in series.values()]
+        series = dict(zip(series, join_refined(driven, content.source.summary), strict=True))
     scalings = {r.name: content.table.headers[r.main].scaling for r in (*content.sensors, *content.drives)}
     factors = {name: _find_peak_factor(name, scaling, content.source.summary) for name, scaling in scalings.items()}
     silent = [repr(name) for name, scaling in scalings.items() if scaling is None]
@@ -185,8 +189,6 @@ def _list_runs(content: _Content) -> list[CampaignRun]:
         _list_rows(content, s, {name: factors[name] * of[k].response for name, of in series.items()})
         for k, s in enumerate(first)
     ]
-    if all(s.is_part for s in first):
-        sweeps = _join_refined(content, sweeps)
     return [_make_run(content, sweep) for sweep in _settle_sense(content, sweeps)]
 
 
@@ -198,14 +200,6 @@ class _SweepRows:
     x: FloatArray
     values: Mapping[str, Samples]
     rate: FloatArray | None = None  #: sweep rate, Hz/s, if known (n,)
-
-    def join(self, other: "_SweepRows") -> "_SweepRows":
-        """The rows of both."""
-        x = np.concatenate([self.x, other.x])
-        order = np.argsort(x, kind="stable")
-        values = {name: np.concatenate([column, other.values[name]])[order] for name, column in self.values.items()}
-        rate = None if self.rate is None or other.rate is None else np.concatenate([self.rate, other.rate])[order]
-        return _SweepRows(self.label, x[order], values, rate)
 
 
 def _list_rows(content: _Content, of: Series, values: Mapping[str, Samples]) -> _SweepRows:
@@ -222,21 +216,6 @@ def _list_rows(content: _Content, of: Series, values: Mapping[str, Samples]) -> 
     order = np.flatnonzero(measured)[np.argsort(of.abscissa[measured], kind="stable")]
     rate, moved = of.extra.get("sweep_rate"), {name: column[order] for name, column in values.items()}
     return _SweepRows(of.label, of.abscissa[order], moved, None if rate is None else rate[order])
-
-
-def _join_refined(content: _Content, sweeps: Sequence[_SweepRows]) -> list[_SweepRows]:
-    """The sweeps with rows that refine an earlier one in it."""
-    drives = [[sweep.values[reading.name] for reading in content.drives] or [np.ones(len(sweep.x))] for sweep in sweeps]
-    motions = [
-        SweepMotion(s.x, np.abs(of[0]), np.array([x / of[0] for x in s.values.values()]))
-        for s, of in zip(sweeps, drives, strict=True)
-    ]
-    joined: dict[int, _SweepRows] = {}
-    for k, first in enumerate(find_refined(motions) if content.drives else range(len(sweeps))):
-        joined[first] = joined[first].join(sweeps[k]) if first in joined else sweeps[k]
-        if first != k:
-            content.source.summary.note(f"rows of {sweeps[k].label!r} refine {sweeps[first].label!r} and join it")
-    return list(joined.values())
 
 
 def _settle_sense(content: _Content, sweeps: Sequence[_SweepRows]) -> Sequence[_SweepRows]:
