@@ -23,13 +23,13 @@ from damping.formats.levels import DRIVE, NUMBERED, find_level
 from damping.formats.quantity import find_powers, unit
 from damping.formats.sensors import SensorColumns, group_columns
 from damping.formats.series import Samples, Series, Summary, require_finite
+from damping.formats.steady import FOLLOWS, measure_turn
 from damping.formats.sweeps import join_refined
 from damping.formats.tables import SensorTable, list_reading_series, read_tables
 from damping.records.keys import LARGEST
 from damping.records.text import count, describe_shortened
 
-#: Least area, twice and over the largest |H|^2, that H passes round 0 in the mean of sensors and sweeps, for phases to
-#: be a lead or a lag: a resonance has pi/2, a tail next to nothing, and noise of neighbouring rows cancels.
+#: Least mean of `measure_turn`, for phases to be a lead or a lag: a resonance has pi/2, a tail next to nothing.
 TURNS = 0.2
 _PHASES = "a column tip phase [deg], or parts re and im; --correct FILE.toml: role = 'out'"
 
@@ -221,8 +221,7 @@ def _list_rows(content: _Content, of: Series, values: Mapping[str, Samples]) -> 
 def _settle_sense(content: _Content, sweeps: Sequence[_SweepRows]) -> Sequence[_SweepRows]:
     """Sweeps with angles read as lead or as lag, whichever lets responses fall behind the drive at resonances.
 
-    Where H = x/F passes a resonance it goes round clockwise if its phase is a lead: the sum of Im(conj(H_i) H_i+1) of
-    all sensors, each over its largest |H|^2, is below 0, for whatever sign a mode has at a sensor.
+    That is the mean of `measure_turn` of H = x/F over all sensors and sweeps.
     """
     angular = {reading.name for reading in (*content.sensors, *content.drives) if "angle" in reading.roles}
     if not angular:
@@ -234,15 +233,14 @@ def _settle_sense(content: _Content, sweeps: Sequence[_SweepRows]) -> Sequence[_
         exchanged.append(find_exchanged(drive, motions))
         for H in (x / drive for x in motions.values()):
             if H.any():  # else it is dead
-                unit_H = H / np.max(np.abs(H))
-                turned.append(float(np.sum(np.imag(np.conj(unit_H[:-1]) * unit_H[1:]))))
+                turned.append(measure_turn(H))
     if not turned or abs(np.mean(turned)) < TURNS:
         refuse_exchanged(exchanged)
         message = f"whether the phases of {content.table.label!r} lead or lag cannot be determined from their direction"
         raise InputError(message, expected="columns called lead or lag, such as tip lag [deg]")
     is_lead = bool(np.mean(turned) < 0.0)
     sense = f"a {'lead' if is_lead else 'lag'} of the responses"
-    content.source.summary.add("phases", sense, "follows: a passive structure absorbs energy")
+    content.source.summary.add("phases", sense, FOLLOWS)
     if is_lead:
         return sweeps
     lags = [{name: np.conj(sweep.values[name]) for name in angular} for sweep in sweeps]
