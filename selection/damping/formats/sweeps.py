@@ -172,19 +172,6 @@ class _SweepMotion:
         return _SweepMotion(self.f[order], self.force[order], self.H[:, order])
 
 
-def _find_refined(sweeps: Sequence[_SweepMotion]) -> list[int]:
-    """For each sweep, in the order taken, the number of the earlier one whose rows it refines, else its own.
-
-    It is closer in its rows, within that one's range, and agrees with it in force and in every motion.
-    """
-    numbers, rows = list(range(len(sweeps))), [sweep.sorted() for sweep in sweeps]
-    for k, sweep in enumerate(rows):
-        apart = {j: _measure_apart(rows[j], sweep) for j in range(k) if numbers[j] == j}
-        best = min(apart, key=lambda j: apart[j], default=k)
-        numbers[k] = best if isfinite(apart.get(best, inf)) else k
-    return numbers
-
-
 def _measure_apart(coarse: _SweepMotion, fine: _SweepMotion) -> float:
     """Root mean square difference of the forces, as a share, of a sweep and its refinement; infinite if it is none."""
     shared = _find_shared(coarse.f, fine.f)
@@ -217,20 +204,22 @@ def _find_shared(coarse: FloatArray, fine: FloatArray) -> BoolArray | None:
 def join_refined(readings: Sequence[Sequence[Series]], summary: Summary) -> list[list[Series]]:
     """The sweeps of each reading with rows that refine an earlier sweep in it, if only frequencies told these apart.
 
-    All readings have the sweeps and the forces of the first; rows that refine a sweep agree with it in every reading.
+    All readings have the sweeps and the forces of the first. Rows that refine a sweep are closer, within its range, and
+    agree with it in force and in every reading; of several they join the one whose force is nearest.
     """
     sweeps = readings[0]
     forces = {k: row.force for k, row in enumerate(sweeps) if row.is_part and row.force is not None}
     with np.errstate(all="ignore"):  # rows without a force are left out
-        motions = [
-            _SweepMotion(sweeps[k].abscissa, np.abs(F), np.array([of[k].response / F for of in readings]))
+        motions = {
+            k: _SweepMotion(sweeps[k].abscissa, np.abs(F), np.array([of[k].response / F for of in readings])).sorted()
             for k, F in forces.items()
-        ]
-    parts = list(forces)
+        }
     joined = {k: [k] for k in range(len(sweeps))}
-    for k, number in zip(parts, _find_refined(motions), strict=True):
-        first = parts[number]
-        if first != k and _is_later(sweeps[first], sweeps[k]):
+    for k, fine in motions.items():
+        before = (j for j in motions if j < k and j in joined and _is_later(sweeps[j], sweeps[k]))
+        apart = {j: _measure_apart(motions[j], fine) for j in before}
+        first = min(apart, key=lambda j: apart[j], default=k)
+        if isfinite(apart.get(first, inf)):
             joined[first] += joined.pop(k)
             summary.note(f"rows of {sweeps[k].label!r} refine {sweeps[first].label!r} and join it")
     return [[reduce(_join, [of[k] for k in numbers]) for numbers in joined.values()] for of in readings]
