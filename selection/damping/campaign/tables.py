@@ -19,7 +19,7 @@ from damping.campaign.sensors import find_exchanged, refuse_exchanged
 from damping.campaign.tracked import Source
 from damping.errors import InputError
 from damping.formats.conversion import SCALINGS
-from damping.formats.levels import DRIVE, NUMBERED, find_level
+from damping.formats.levels import find_level
 from damping.formats.quantity import find_powers, unit
 from damping.formats.sensors import SensorColumns, group_columns
 from damping.formats.series import Samples, Series, Summary, require_finite
@@ -148,23 +148,15 @@ def _leave_out_other(
 
 
 def _choose_drives(table: SensorTable, readings: Sequence[SensorColumns], source: Source) -> list[SensorColumns]:
-    """Drives: the column stated, those called so, that with a usual name of a force, or the only force."""
-    stated, place = source.stated, table.setting.get("force")
-    units = {r.name: stated.of(r.name).unit or table.headers[r.main].unit for r in readings}
-    free = [reading for reading in readings if not stated.of(reading.name).role]
-    at_place = [reading for reading in free if reading.main == place and not split_ratio(units[reading.name], "")]
-    called = {r.name: r.name.partition(" / ")[0] for r in free if not split_ratio(units[r.name], "")}  # no tip / force
-    named = [r for r in readings if stated.of(r.name).role == "drive" or DRIVE.search(called.get(r.name, ""))]
-    named = named or [reading for reading in free if NUMBERED.search(called.get(reading.name, ""))]
-    named = [r for r in named if not units[r.name] or find_powers(units[r.name])] or named  # volts beside a force
-    forces = [r for r in free if find_powers(units[r.name]) == (1, 0, 0)]
-    drives = at_place if "force" in source.facts.columns else named or at_place
-    drives = drives or (forces if len(forces) == 1 else [])
-    kinds = {r.name: find_powers(units[r.name] or source.facts.units.get("force", "")) for r in drives}
-    named = [r for r in drives if kinds[r.name] == (1, 0, 0) or (not kinds[r.name] and "force" in r.name.lower())]
-    if named and len(drives) > 1:
-        raise refuse_forces(table.label, [reading.name for reading in drives])
-    return drives
+    """The drives: the column stated, else as of `Corrections.list_drives`. InputError: several, one of them a force."""
+    units = {reading.name: table.headers[reading.main].unit for reading in readings}
+    usual = next((reading.name for reading in readings if reading.main == table.setting.get("force")), "")
+    wanted = {name: text for name, text in units.items() if name == usual or "force" not in source.facts.columns}
+    names = source.stated.list_drives(wanted, usual)
+    kinds = {name: find_powers(source.find_drive_unit(name, units[name])) for name in names}
+    if len(names) > 1 and any(of == (1, 0, 0) or (not of and "force" in name.lower()) for name, of in kinds.items()):
+        raise refuse_forces(table.label, names)
+    return [reading for reading in readings if reading.name in names]
 
 
 def _list_runs(content: _Content) -> list[CampaignRun]:
