@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field, field_validator, model_validator
 from damping.arrays import plain
 from damping.errors import InputError
 from damping.extrapolation.backbone import Backbone
-from damping.forces import force_class
+from damping.forces import damping_ratio, force_class
 from damping.infer.chains import Posterior
 from damping.infer.observations import Observations
 from damping.plots import identifier, to_png
@@ -144,7 +144,7 @@ def add_damping_ratio(data: Any, posterior: Posterior, tested: Observations, bac
     """
     A, omega = tested.tested_amplitude, tested.tested_omega
     law, draws = posterior.coordinates.law, posterior.draws
-    ratio = posterior.coordinates.force(draws).quadrature(A, omega) / (2.0 * backbone.stiffness_at(A) * A)
+    ratio = damping_ratio(posterior.coordinates.force(draws).quadrature(A, omega), A, backbone.stiffness_at(A))
     shape = (*posterior.x.shape[:2], len(A))
     about = {"units": "1", "of": "critical damping", "law": law.name, "amplitude": A, "frequency_rad_s": omega}
     values = np.broadcast_to(ratio, (len(draws), len(A))).astype(np.float32).reshape(shape)

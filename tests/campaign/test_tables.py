@@ -763,6 +763,23 @@ def test_the_command_takes_columns_and_units(tmp_path, damping, no_drawing, few_
                 np.testing.assert_allclose(one["median"], np.abs(x[near]).max(), rtol=0.02)
 
 
+@pytest.mark.parametrize(
+    ("units", "drive"),
+    [
+        ({"Force": "N", "tip": "mm"}, "Force"),
+        ({"tip": "mm", "load": "N"}, "load"),
+        ({"acc": "g", "control_1": "g"}, "control_1"),
+        ({"tip / force": "mm/N", "load": "N"}, "load"),
+        ({"drive": "V", "base": "g", "acc": "g"}, "base"),
+        ({"F1": "N", "F2": "N"}, None),
+    ],
+)
+def test_the_drive_of_channels_in_time_is_that_of_a_table(units, drive):
+    """Names and units say the same in both: a ratio and a voltage beside a measured drive are no drives."""
+    assert Corrections().choose_drive("a", units) == drive
+    assert Corrections().list_drives(units) == ([drive] if drive else [])
+
+
 def test_drives_in_several_units_are_levels_in_one(tmp_path):
     """0.449618 lbf is 2.0000 N (1 lbf = 4.4482216 N, NIST SP 811); a force is no level of a base."""
     files = write("csv", tmp_path)

@@ -19,6 +19,7 @@ from damping.forces import (
     Viscous,
     case_five,
     coefficient_from_energy,
+    damping_ratio,
     damping_term,
     energy_factor,
     energy_per_cycle,
@@ -50,6 +51,14 @@ def test_table_2_II(force: Force, energy: float, psi: float) -> None:
     np.testing.assert_allclose(energy_per_cycle(force, A, omega), energy, rtol=EXACT)
     content = energy_per_cycle(force, A, omega) / (M * (A * omega) ** 2)  # Eq 2.3.5
     np.testing.assert_allclose(content, psi, rtol=EXACT)
+
+
+def test_damping_ratio_is_that_of_critical_damping() -> None:
+    """m q'' + c q' + k q is critically damped at c = 2 sqrt(k m); at resonance F = c omega_n A."""
+    critical = 2 * np.sqrt(M * omega_n**2 * M)
+    ratio = damping_ratio(C * omega_n * A, A, M * omega_n**2)
+    np.testing.assert_allclose(ratio, C / critical, rtol=EXACT)
+    np.testing.assert_allclose(ratio, damping_term(Viscous(C), A, omega_n, M, omega_n) / 2, rtol=EXACT)
 
 
 @pytest.mark.parametrize(

@@ -205,6 +205,24 @@ def test_lead_and_lag_by_the_turn(truth, tmp_path, imported, header, of_lag, ord
     close(imported(path).record, truth)
 
 
+def test_noise_of_the_tails_does_not_turn_the_phase_of_a_velocity(tmp_path, imported):
+    """Read as lead or as lag a velocity absorbs energy: its turn alone decides, also with noise of 8 % of the peak.
+
+    Of twenty sweeps of one mode of 1 % damping the turn is -1.4 with a standard deviation of 0.13.
+    """
+    f = np.linspace(14.0, 23.0, 120)
+    w, w_n = 2 * np.pi * f, 2 * np.pi * 18.0
+    v = 1j * w / (w_n**2 - w**2 + 0.02j * w_n * w)
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        read = v / np.max(np.abs(v)) + 0.08 * (rng.normal(size=len(f)) + 1j * rng.normal(size=len(f)))
+        angle = np.degrees(np.angle(read))
+        rows = pd.DataFrame({"Hz": f, "Force [N]": 1.0, "Velocity [m/s]": np.abs(read), "Phase [deg]": angle})
+        rows.to_csv(tmp_path / "a.csv", index=False)
+        summary = imported(tmp_path / "a.csv").summary
+        assert ("phase", "a lead of the response") in [row[:2] for row in summary.rows]
+
+
 def test_one_column_of_phases_has_one_sense(truth, tmp_path, imported):
     """Two sweeps that turn opposite ways in one column: one of them is misread, or not of a passive structure."""
     phase = np.degrees(truth.lag)

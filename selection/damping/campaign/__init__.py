@@ -27,6 +27,7 @@ from damping.campaign.values import At, Bounds, SensorPrediction
 from damping.errors import InputError
 from damping.extrapolation.curve import trace_loads
 from damping.extrapolation.prepared import PreparedRecord
+from damping.forces import damping_ratio
 from damping.formats.quantity import unit
 from damping.formats.series import Stated, Summary
 from damping.infer import SEED
@@ -208,7 +209,7 @@ def _find_steady(
     if not swept and not _is_moved(w / (2.0 * pi), ratio, frequency):
         return frequency, ratio
     A, F = (amplitude, force) if swept and isfinite(amplitude) else (A, F)
-    return w / (2.0 * pi), F / (2.0 * prepared.mode.mass * w**2 * A)
+    return w / (2.0 * pi), damping_ratio(F, A, prepared.mode.mass * w**2)
 
 
 def _find_errors(

@@ -21,6 +21,7 @@ from damping.campaign.values import At, Bounds, Response
 from damping.errors import AnalysisError, InputError, naming
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import predict_forces, trace_loads
+from damping.forces import damping_ratio
 from damping.formats.headers import ORDERS
 from damping.formats.quantity import unit
 from damping.formats.series import Summary
@@ -184,7 +185,7 @@ def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], 
     places = []
     for row in measured.to_dict("records"):
         w, A, F = 2.0 * pi * float(row["frequency"]), float(row["amplitude"]), float(row["force"])
-        z, sd = F / (2.0 * w**2 * A), float(row["force_sd"]) / F
+        z, sd = damping_ratio(F, A, w**2), float(row["force_sd"]) / F
         spread, f = NORMAL_90 * hypot(sd, LEAST_SPREAD), float(row["frequency"])
         level = A * w ** ORDERS[sensor.quantity] * size
         ratio = Bounds.about(z, spread)

@@ -82,7 +82,7 @@ def _join_functions(label: str, group: Sequence[Function], source: Source) -> Ca
     if not all(function.of.is_time and len(function.x) == len(t) and np.allclose(function.x, t) for function in group):
         raise InputError(f"{label}: functions of time of several lengths", expected="one list of times")
     samples = [np.asarray(function.y).real for function in group]
-    drive = source.stated.choose_drive(dict(units))
+    drive = source.stated.choose_drive(label, dict(units))
     if drive is None:
         return source.make_decay(label, t, units, samples)
     step = find_step(label, t)

@@ -26,7 +26,7 @@ import numpy as np
 from damping.arrays import FloatArray, interpolate_logs
 from damping.errors import InputError, describe_nearest
 from damping.formats.headers import ORDERS
-from damping.formats.levels import DRIVE, find_level
+from damping.formats.levels import DRIVE, NUMBERED, find_level
 from damping.formats.quantity import find_powers, unit
 from damping.formats.series import Samples, Summary
 from damping.records.keys import LARGEST, SMALLEST, TomlTable, read_toml
@@ -65,12 +65,27 @@ class Corrections:
         role = self.of(name).role
         return role == "drive" or (not role and bool(DRIVE.search(name)))
 
-    def choose_drive(self, units: Mapping[str, str]) -> str | None:
-        """The drive among channels with their ``units``: as stated, by its name, or the only force."""
-        named = next((name for name in units if self.is_drive(name)), None)
-        free = {name: self.of(name).unit or text for name, text in units.items() if not self.of(name).role}
+    def list_drives(self, units: Mapping[str, str], usual: str = "") -> list[str]:
+        """The drives among channels with their ``units`` ('' if there is none).
+
+        They are those stated or called so, else numbered ones, else the channel with the ``usual`` name of a force,
+        else the only force. Ratios such as tip / force are none, nor is a voltage that is called so beside another.
+        """
+        units = {name: self.of(name).unit or text for name, text in units.items()}
+        free = {name: text for name, text in units.items() if not self.of(name).role and not split_ratio(text, "")}
+        called = [name for name in free if DRIVE.search(name.partition(" / ")[0])]
+        named = [name for name in units if self.of(name).role == "drive" or name in called]
+        named = named or [name for name in free if NUMBERED.search(name.partition(" / ")[0])]
+        named = [name for name in named if not units[name] or find_powers(units[name])] or named
         forces = [name for name, text in free.items() if find_powers(text) == (1, 0, 0)]
-        return named or (forces[0] if len(forces) == 1 else None)
+        return named or [name for name in free if name == usual] or (forces if len(forces) == 1 else [])
+
+    def choose_drive(self, label: str, units: Mapping[str, str]) -> str | None:
+        """The one drive that times are tracked by, the first of `list_drives`. InputError: several numbered ones."""
+        drives = self.list_drives(units)
+        if len(drives) > 1 and not self.is_drive(drives[0]):
+            raise refuse_forces(label, drives)
+        return drives[0] if drives else None
 
     def join_controls(self, values: Sequence[Samples]) -> Samples:
         """One drive (n,) from several control channels: their average, or the largest in each row."""

@@ -18,7 +18,6 @@ from damping.campaign.runs import (
     CampaignRun,
     Corrections,
     keep_common_sensors,
-    refuse_forces,
     summarise_runs,
 )
 from damping.campaign.sensors import EXPLAINED, SCALINGS
@@ -29,7 +28,7 @@ from damping.formats import check, detect_format
 from damping.formats.arrays import Arrays, read_arrays, read_blocks
 from damping.formats.columns import open_table
 from damping.formats.headers import ROLE_NAMES
-from damping.formats.levels import NUMBERED, find_level
+from damping.formats.levels import find_level
 from damping.formats.quantity import unit
 from damping.formats.series import Stated, Summary
 from damping.records.text import is_binary, name_apart, read_start
@@ -137,17 +136,13 @@ def _list_group_runs(source: Source, contents: Arrays) -> list[CampaignRun]:
         groups.setdefault(group, {})[leaf] = path
     runs, has_spectra = [], False
     for group, paths in groups.items():
-        drive = next((leaf for leaf in paths if source.stated.is_drive(leaf)), None)
         names = {role: [leaf for leaf in paths if leaf.lower() in ROLE_NAMES[role]] for role in ("frequency", "time")}
-        has_spectra |= bool(names["frequency"] and drive)
+        has_spectra |= bool(names["frequency"] and any(map(source.stated.is_drive, paths)))
         if names["frequency"] or not names["time"]:
             continue
         t = paths[names["time"][0]]
         like = {leaf: path for leaf, path in paths.items() if contents.known[path] == contents.known[t]}
-        numbered = [leaf for leaf in like if NUMBERED.search(leaf) and not source.stated.of(leaf).role]
-        if drive is None and len(numbered) > 1:
-            raise refuse_forces(group or source.file.stem, numbered)
-        if drive in like:
+        if drive := source.stated.choose_drive(group or source.file.stem, dict.fromkeys(like, "")):
             runs.append(_track_group(source, group, t, drive, list(like.values())))
     return runs + read_table_runs(source) if has_spectra or not runs else runs
 
@@ -177,7 +172,7 @@ def _list_channel_runs(source: Source, kind: str, contents: Arrays) -> list[Camp
         if len(steps) > 1 or len(sizes) > 1:
             raise InputError(f"channels of {label} of several rates or lengths", expected="one for all")
         start, step = next(iter(steps))
-        drive = source.stated.choose_drive(dict(units))
+        drive = source.stated.choose_drive(label, dict(units))
         if drive is None:
             arrays = read_arrays(source.file, kind, paths if kind == "tdms" else [], source.most).arrays
             t = np.asarray(start + step * np.arange(next(iter(sizes))[0]))

@@ -19,17 +19,17 @@ from damping.campaign.sensors import find_exchanged, refuse_exchanged
 from damping.campaign.tracked import Source
 from damping.errors import InputError
 from damping.formats.conversion import SCALINGS
-from damping.formats.levels import DRIVE, NUMBERED, find_level
+from damping.formats.levels import find_level
 from damping.formats.quantity import find_powers, unit
 from damping.formats.sensors import SensorColumns, group_columns
 from damping.formats.series import Samples, Series, Summary, require_finite
-from damping.formats.sweeps import SweepMotion, find_refined
+from damping.formats.steady import FOLLOWS, measure_turn
+from damping.formats.sweeps import join_refined
 from damping.formats.tables import SensorTable, list_reading_series, read_tables
 from damping.records.keys import LARGEST
 from damping.records.text import count, describe_shortened
 
-#: Least area, twice and over the largest |H|^2, that H passes round 0 in the mean of sensors and sweeps, for phases to
-#: be a lead or a lag: a resonance has pi/2, a tail next to nothing, and noise of neighbouring rows cancels.
+#: Least mean of `measure_turn`, for phases to be a lead or a lag: a resonance has pi/2, a tail next to nothing.
 TURNS = 0.2
 _PHASES = "a column tip phase [deg], or parts re and im; --correct FILE.toml: role = 'out'"
 
@@ -148,23 +148,15 @@ def _leave_out_other(
 
 
 def _choose_drives(table: SensorTable, readings: Sequence[SensorColumns], source: Source) -> list[SensorColumns]:
-    """Drives: the column stated, those called so, that with a usual name of a force, or the only force."""
-    stated, place = source.stated, table.setting.get("force")
-    units = {r.name: stated.of(r.name).unit or table.headers[r.main].unit for r in readings}
-    free = [reading for reading in readings if not stated.of(reading.name).role]
-    at_place = [reading for reading in free if reading.main == place and not split_ratio(units[reading.name], "")]
-    called = {r.name: r.name.partition(" / ")[0] for r in free if not split_ratio(units[r.name], "")}  # no tip / force
-    named = [r for r in readings if stated.of(r.name).role == "drive" or DRIVE.search(called.get(r.name, ""))]
-    named = named or [reading for reading in free if NUMBERED.search(called.get(reading.name, ""))]
-    named = [r for r in named if not units[r.name] or find_powers(units[r.name])] or named  # volts beside a force
-    forces = [r for r in free if find_powers(units[r.name]) == (1, 0, 0)]
-    drives = at_place if "force" in source.facts.columns else named or at_place
-    drives = drives or (forces if len(forces) == 1 else [])
-    kinds = {r.name: find_powers(units[r.name] or source.facts.units.get("force", "")) for r in drives}
-    named = [r for r in drives if kinds[r.name] == (1, 0, 0) or (not kinds[r.name] and "force" in r.name.lower())]
-    if named and len(drives) > 1:
-        raise refuse_forces(table.label, [reading.name for reading in drives])
-    return drives
+    """The drives: the column stated, else as of `Corrections.list_drives`. InputError: several, one of them a force."""
+    units = {reading.name: table.headers[reading.main].unit for reading in readings}
+    usual = next((reading.name for reading in readings if reading.main == table.setting.get("force")), "")
+    wanted = {name: text for name, text in units.items() if name == usual or "force" not in source.facts.columns}
+    names = source.stated.list_drives(wanted, usual)
+    kinds = {name: find_powers(source.find_drive_unit(name, units[name])) for name in names}
+    if len(names) > 1 and any(of == (1, 0, 0) or (not of and "force" in name.lower()) for name, of in kinds.items()):
+        raise refuse_forces(table.label, names)
+    return [reading for reading in readings if reading.name in names]
 
 
 def _list_runs(content: _Content) -> list[CampaignRun]:
@@ -174,6 +166,10 @@ def _list_runs(content: _Content) -> list[CampaignRun]:
     for reading in content.drives:
         of_force = [replace(s, response=np.asarray(s.force)) for s in content.list_series(content.sensors[0], reading)]
         series[reading.name] = content.list_series(reading, drive) if reading.has_phase else of_force
+    if drive is not None:
+        forces = [s.response for s in series[drive.name]]
+        driven = [[replace(s, force=F) for s, F in zip(of, forces, strict=True)] for of in series.values()]
+        series = dict(zip(series, join_refined(driven, content.source.summary), strict=True))
     scalings = {r.name: content.table.headers[r.main].scaling for r in (*content.sensors, *content.drives)}
     factors = {name: _find_peak_factor(name, scaling, content.source.summary) for name, scaling in scalings.items()}
     silent = [repr(name) for name, scaling in scalings.items() if scaling is None]
@@ -185,8 +181,6 @@ def _list_runs(content: _Content) -> list[CampaignRun]:
         _list_rows(content, s, {name: factors[name] * of[k].response for name, of in series.items()})
         for k, s in enumerate(first)
     ]
-    if all(s.is_part for s in first):
-        sweeps = _join_refined(content, sweeps)
     return [_make_run(content, sweep) for sweep in _settle_sense(content, sweeps)]
 
 
@@ -198,14 +192,6 @@ class _SweepRows:
     x: FloatArray
     values: Mapping[str, Samples]
     rate: FloatArray | None = None  #: sweep rate, Hz/s, if known (n,)
-
-    def join(self, other: "_SweepRows") -> "_SweepRows":
-        """The rows of both."""
-        x = np.concatenate([self.x, other.x])
-        order = np.argsort(x, kind="stable")
-        values = {name: np.concatenate([column, other.values[name]])[order] for name, column in self.values.items()}
-        rate = None if self.rate is None or other.rate is None else np.concatenate([self.rate, other.rate])[order]
-        return _SweepRows(self.label, x[order], values, rate)
 
 
 def _list_rows(content: _Content, of: Series, values: Mapping[str, Samples]) -> _SweepRows:
@@ -224,26 +210,10 @@ def _list_rows(content: _Content, of: Series, values: Mapping[str, Samples]) -> 
     return _SweepRows(of.label, of.abscissa[order], moved, None if rate is None else rate[order])
 
 
-def _join_refined(content: _Content, sweeps: Sequence[_SweepRows]) -> list[_SweepRows]:
-    """The sweeps with rows that refine an earlier one in it."""
-    drives = [[sweep.values[reading.name] for reading in content.drives] or [np.ones(len(sweep.x))] for sweep in sweeps]
-    motions = [
-        SweepMotion(s.x, np.abs(of[0]), np.array([x / of[0] for x in s.values.values()]))
-        for s, of in zip(sweeps, drives, strict=True)
-    ]
-    joined: dict[int, _SweepRows] = {}
-    for k, first in enumerate(find_refined(motions) if content.drives else range(len(sweeps))):
-        joined[first] = joined[first].join(sweeps[k]) if first in joined else sweeps[k]
-        if first != k:
-            content.source.summary.note(f"rows of {sweeps[k].label!r} refine {sweeps[first].label!r} and join it")
-    return list(joined.values())
-
-
 def _settle_sense(content: _Content, sweeps: Sequence[_SweepRows]) -> Sequence[_SweepRows]:
     """Sweeps with angles read as lead or as lag, whichever lets responses fall behind the drive at resonances.
 
-    Where H = x/F passes a resonance it goes round clockwise if its phase is a lead: the sum of Im(conj(H_i) H_i+1) of
-    all sensors, each over its largest |H|^2, is below 0, for whatever sign a mode has at a sensor.
+    That is the mean of `measure_turn` of H = x/F over all sensors and sweeps.
     """
     angular = {reading.name for reading in (*content.sensors, *content.drives) if "angle" in reading.roles}
     if not angular:
@@ -255,15 +225,14 @@ def _settle_sense(content: _Content, sweeps: Sequence[_SweepRows]) -> Sequence[_
         exchanged.append(find_exchanged(drive, motions))
         for H in (x / drive for x in motions.values()):
             if H.any():  # else it is dead
-                unit_H = H / np.max(np.abs(H))
-                turned.append(float(np.sum(np.imag(np.conj(unit_H[:-1]) * unit_H[1:]))))
+                turned.append(measure_turn(H))
     if not turned or abs(np.mean(turned)) < TURNS:
         refuse_exchanged(exchanged)
         message = f"whether the phases of {content.table.label!r} lead or lag cannot be determined from their direction"
         raise InputError(message, expected="columns called lead or lag, such as tip lag [deg]")
     is_lead = bool(np.mean(turned) < 0.0)
     sense = f"a {'lead' if is_lead else 'lag'} of the responses"
-    content.source.summary.add("phases", sense, "follows: a passive structure absorbs energy")
+    content.source.summary.add("phases", sense, FOLLOWS)
     if is_lead:
         return sweeps
     lags = [{name: np.conj(sweep.values[name]) for name in angular} for sweep in sweeps]

@@ -31,6 +31,7 @@ from damping.extrapolation.cautions import REFUSAL, UNKNOWN, list_cautions
 from damping.extrapolation.levels import OF_PREDICTED, describe_bistability
 from damping.extrapolation.plan import NEAREST, ROUNDING
 from damping.extrapolation.prediction import Band, Loads
+from damping.forces import damping_ratio
 from damping.infer.discrepancy import SLOPES
 from damping.infer.observations import Observations
 from damping.records.keys import LARGEST, SMALLEST
@@ -245,7 +246,8 @@ def trace_loads(loads: Loads, backbone: Backbone, data: Observations) -> Curve:
     force, amplitude = (known, predicted) if of_force else (predicted, known)
     f, widened = _find_frequency(backbone, amplitude, loads.level)
     z = float(ndtri(0.5 * (1.0 + loads.level)))
-    zeta = force.median / (2.0 * backbone.mass_at(amplitude.median) * (RAD_S_PER_HZ * f.median) ** 2 * amplitude.median)
+    stiffness = backbone.mass_at(amplitude.median) * (RAD_S_PER_HZ * f.median) ** 2
+    zeta = damping_ratio(force.median, amplitude.median, stiffness)
     spread = np.hypot(z * backbone.mass_sd, np.log(f.high / f.low))  # twice half the band of ln omega
     down = np.hypot(np.log(force.median / force.low) + np.log(amplitude.high / amplitude.median), spread)
     up = np.hypot(np.log(force.high / force.median) + np.log(amplitude.median / amplitude.low), spread)

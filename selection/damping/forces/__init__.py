@@ -4,8 +4,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from math import pi
+from typing import TypeVar
 
-from damping.arrays import Floats
+from damping.arrays import FloatArray, Floats
 from damping.errors import AnalysisError, InputError, describe_nearest
 from damping.forces.contract import Force, Sum
 from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip
@@ -22,6 +23,8 @@ from damping.forces.powers import (
 )
 from damping.forces.shapes import Shape
 from damping.forces.smooth import Dahl
+
+_Number = TypeVar("_Number", float, FloatArray, Floats)
 
 #: The forces of Table 2.I, the two power laws of section 4.3, Coulomb friction, the slip joint of Fig. 2.4c and Dahl's.
 CATALOGUE: dict[str, type[Force]] = {
@@ -132,6 +135,15 @@ def damping_term(force: Force, A: Floats, omega: Floats, M: Floats, omega_n: Flo
     return force.quadrature(A, omega) / (M * omega_n**2 * A)
 
 
+def damping_ratio(F: _Number, A: _Number, stiffness: _Number) -> _Number:
+    """zeta = F/(2 M omega^2 A), the part of critical damping at the resonance omega, where F balances it: C = F.
+
+    ``A``: amplitude. ``stiffness``: M omega^2. Units: those of one system, such as N, m and N/m. Source: half of G of
+    Eq. 4.2.4, and the viscous A = F/(C omega) of Eq. 4.1.7 with C = 2 M omega zeta.
+    """
+    return F / (2.0 * stiffness * A)
+
+
 def energy_factor(kind: type[Force], **others: Floats) -> Floats:
     """Energy per cycle over coefficient A^m omega^n, such as 8/3 of case III (Table 2.II).
 
@@ -154,6 +166,7 @@ def coefficient_from_energy(kind: type[Force], a: Floats, **others: Floats) -> F
 __all__ = [
     "CATALOGUE", "Component", "Coulomb", "CubicStiffness", "Dahl", "Displacement", "DisplacementVelocity",
     "DisplacementVelocityPower", "EnergyTerm", "Force", "PowerStiffness", "QuadraticDisplacement", "Slip", "Sum",
-    "VelocityPower", "VelocitySquared", "Viscous", "case_five", "coefficient_from_energy", "component", "damping_term",
-    "energy_factor", "energy_per_cycle", "force_class", "from_damping", "list_parameter_names", "make", "shapes_of",
+    "VelocityPower", "VelocitySquared", "Viscous", "case_five", "coefficient_from_energy", "component", "damping_ratio",
+    "damping_term", "energy_factor", "energy_per_cycle", "force_class", "from_damping", "list_parameter_names", "make",
+    "shapes_of",
 ]  # fmt: skip

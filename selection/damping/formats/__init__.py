@@ -54,7 +54,7 @@ def read_file(path: str | Path, stated: Stated, *, max_size: int = DEFAULT_MAX_S
     with naming(path):
         series = _list_series(path, stated, summary, max_size)
     is_named = stated.labels or stated.forces  # one for each sweep
-    return series if is_named else join_refined(series, summary), summary
+    return series if is_named else join_refined([series], summary)[0], summary
 
 
 def _list_series(path: str | Path, stated: Stated, summary: Summary, max_size: int) -> list[Series]:

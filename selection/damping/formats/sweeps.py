@@ -5,6 +5,7 @@ Rows taken again, closer together, about a resonance join the sweep of their lev
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from itertools import accumulate
 from math import inf, isfinite
 
@@ -157,34 +158,21 @@ _GAP = 3.0  # steps beyond which rows are of two resonances
 
 
 @dataclass(frozen=True)
-class SweepMotion:
+class _SweepMotion:
     """Rows of a sweep: frequencies (n,) Hz, force amplitudes (n,), and motions over the force (sensors, n)."""
 
     f: FloatArray
     force: FloatArray
     H: Samples
 
-    def sorted(self) -> "SweepMotion":
+    def sorted(self) -> "_SweepMotion":
         """The rows at which all is known, by rising frequency."""
         known = np.isfinite(self.f) & np.isfinite(self.force) & np.isfinite(self.H).all(axis=0)
         order = np.flatnonzero(known)[np.argsort(self.f[known], kind="stable")]
-        return SweepMotion(self.f[order], self.force[order], self.H[:, order])
+        return _SweepMotion(self.f[order], self.force[order], self.H[:, order])
 
 
-def find_refined(sweeps: Sequence[SweepMotion]) -> list[int]:
-    """For each sweep, in the order taken, the number of the earlier one whose rows it refines, else its own.
-
-    It is closer in its rows, within that one's range, and agrees with it in force and in every motion.
-    """
-    numbers, rows = list(range(len(sweeps))), [sweep.sorted() for sweep in sweeps]
-    for k, sweep in enumerate(rows):
-        apart = {j: _measure_apart(rows[j], sweep) for j in range(k) if numbers[j] == j}
-        best = min(apart, key=lambda j: apart[j], default=k)
-        numbers[k] = best if isfinite(apart.get(best, inf)) else k
-    return numbers
-
-
-def _measure_apart(coarse: SweepMotion, fine: SweepMotion) -> float:
+def _measure_apart(coarse: _SweepMotion, fine: _SweepMotion) -> float:
     """Root mean square difference of the forces, as a share, of a sweep and its refinement; infinite if it is none."""
     shared = _find_shared(coarse.f, fine.f)
     if shared is None:
@@ -213,22 +201,28 @@ def _find_shared(coarse: FloatArray, fine: FloatArray) -> BoolArray | None:
     return shared if step <= _FINER * np.median(own[shared]) else None
 
 
-def join_refined(series: Sequence[Series], summary: Summary) -> list[Series]:
-    """The series with rows that refine an earlier sweep in it, if both were told apart by their frequencies alone."""
-    parts = [k for k, row in enumerate(series) if row.is_part and row.force is not None]
+def join_refined(readings: Sequence[Sequence[Series]], summary: Summary) -> list[list[Series]]:
+    """The sweeps of each reading with rows that refine an earlier sweep in it, if only frequencies told these apart.
+
+    All readings have the sweeps and the forces of the first. Rows that refine a sweep are closer, within its range, and
+    agree with it in force and in every reading; of several they join the one whose force is nearest.
+    """
+    sweeps = readings[0]
+    forces = {k: row.force for k, row in enumerate(sweeps) if row.is_part and row.force is not None}
     with np.errstate(all="ignore"):  # rows without a force are left out
-        motions = [
-            SweepMotion(row.abscissa, np.abs(row.force), np.atleast_2d(row.response / row.force))
-            for row in (series[k] for k in parts)
-            if row.force is not None
-        ]
-    joined = dict(enumerate(series))
-    for k, number in zip(parts, find_refined(motions), strict=True):
-        first = parts[number]
-        if first != k and _is_later(series[first], series[k]):
-            joined[first] = _join(joined[first], joined.pop(k))
-            summary.note(f"rows of {series[k].label!r} refine {series[first].label!r} and join it")
-    return list(joined.values())
+        motions = {
+            k: _SweepMotion(sweeps[k].abscissa, np.abs(F), np.array([of[k].response / F for of in readings])).sorted()
+            for k, F in forces.items()
+        }
+    joined = {k: [k] for k in range(len(sweeps))}
+    for k, fine in motions.items():
+        before = (j for j in motions if j < k and j in joined and _is_later(sweeps[j], sweeps[k]))
+        apart = {j: _measure_apart(motions[j], fine) for j in before}
+        first = min(apart, key=lambda j: apart[j], default=k)
+        if isfinite(apart.get(first, inf)):
+            joined[first] += joined.pop(k)
+            summary.note(f"rows of {sweeps[k].label!r} refine {sweeps[first].label!r} and join it")
+    return [[reduce(_join, [of[k] for k in numbers]) for numbers in joined.values()] for of in readings]
 
 
 def _is_later(first: Series, second: Series) -> bool:

@@ -20,6 +20,7 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, wrap_lag
 from damping.errors import AnalysisError
+from damping.forces import damping_ratio
 from damping.records.check_sweeps import FAST
 from damping.records.implied import NEAR, detect_rate
 from damping.records.record import Record
@@ -218,8 +219,8 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
         known = record.frame.assign(sweep_rate=list_rates(record, None))
         peaks = known.loc[known.groupby("sweep", sort=False)["amplitude"].idxmax()]
         # 2 zeta f at the peaks, by the balance of forces there
-        stiffness = mass * (RAD_S_PER_HZ * peaks["frequency"]) ** 2
-        width = peaks["force"] / (stiffness * peaks["amplitude"]) * peaks["frequency"]
+        F, A, f = (peaks[name].to_numpy(dtype=float) for name in ("force", "amplitude", "frequency"))
+        width = 2.0 * damping_ratio(F, A, mass * (RAD_S_PER_HZ * f) ** 2) * f
         if (peaks["sweep_rate"].abs() / width**2).max() < SLOW:
             return record, ()
         return correct_rate(Record(known, record.source), mass), (

@@ -15,6 +15,7 @@ from math import log
 import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, ComplexArray, FloatArray, IntArray
+from damping.forces import damping_ratio
 from damping.records.record import Record
 from damping.records.rows import order_taken
 from damping.records.runs import FEWEST_ROWS, NO_PARABOLA, Run, fit_parabola
@@ -209,7 +210,7 @@ def find_odd_level(runs: Sequence[Run], mass: float, *, one_mass: bool) -> OddLe
     F, A, omega = (np.array([getattr(run, name)[0] for run in single]) for name in ("F", "A", "omega"))
     compared = {
         "amplitude": _compare_amplitudes(np.log(F), np.log(A), one_mass=one_mass),
-        "frequency": _compare_frequencies(A, omega, F / (2.0 * mass * omega**2 * A)) if one_mass else {},
+        "frequency": _compare_frequencies(A, omega, damping_ratio(F, A, mass * omega**2)) if one_mass else {},
     }
     for quantity, misses in compared.items():
         share = {k: others / abs(off) for k, (off, others) in misses.items() if others < OF_OTHERS * abs(off)}

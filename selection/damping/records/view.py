@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, wrap_lag
+from damping.forces import damping_ratio
 from damping.records.implied import (
     AS_LAG,
     Implied,
@@ -200,7 +201,7 @@ class View:
         used = self.right.masses(self.stated_mass)[table["row"].to_numpy()] if len(table) else np.array([])
         used = np.where(np.isnan(used), implied["mass"], used)
         omega = RAD_S_PER_HZ * implied["frequency"]
-        implied["damping_ratio"] = implied["force"] / (2.0 * used * omega**2 * implied["amplitude"])
+        implied["damping_ratio"] = damping_ratio(implied["force"], implied["amplitude"], used * omega**2)
         return implied.reset_index(drop=True)
 
     @property

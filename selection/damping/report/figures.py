@@ -11,6 +11,7 @@ from damping import report as words
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.extrapolation.backbone import Backbone
 from damping.extrapolation.prediction import Loads
+from damping.forces import damping_ratio
 from damping.forces.contract import Force
 from damping.infer.observations import Observations
 from damping.plots import Drawn
@@ -62,7 +63,7 @@ def _draw_curve(result: RecordResult) -> Drawn | None:
     tested = None
     if result.backbone is not None:
         stiffness = result.backbone.stiffness_at(data.tested_amplitude)
-        ratio = data.tested_force / (2.0 * stiffness * data.tested_amplitude)
+        ratio = damping_ratio(data.tested_force, data.tested_amplitude, stiffness)
         tested = pd.DataFrame({"amplitude": factor * data.tested_amplitude, "damping_ratio": ratio})
     columns = ["amplitude", "damping_ratio", "damping_ratio_low", "damping_ratio_high"]
     rows = table.loc[np.isfinite(table["damping_ratio"]), columns]
