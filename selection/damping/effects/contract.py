@@ -89,7 +89,8 @@ class Terms(NamedTuple):
             the reading. readings: nonlinear instruments. beside: the parts added to Z. moving: d omega/dt beyond the
             known rate, rad/s^2. Of a moving frequency are law: power of omega/omega_n in the known rate; ringing:
             reading, see `damping.effects.moving.hurried`; begun: start, 0 long before the first row of each sweep, 1 at
-            it from a dwell; held: force between rows, 0 changing evenly, 1 that of the row reached.
+            it from a dwell; held: force between rows, 0 changing evenly, 1 that of the row reached; averaging: of
+            the detector, its time constant, s, and whether it averages amplitudes without their phases.
     """
 
     M: Floats
@@ -114,6 +115,7 @@ class Terms(NamedTuple):
     ringing: Floats = 0.0
     begun: Floats = 0.0
     held: Floats = 0.0
+    averaging: tuple[Floats, bool] | None = None
 
     def plus(self, **parts: Any) -> Terms:
         """The terms with one more part in each field named: a force, a change by the drive, or an instrument."""
@@ -144,11 +146,11 @@ class Scales:
     """Characteristic sizes of the problem, from which every prior is set.
 
     Attributes:
-        A_low, A_high: 10 % quantile and largest of the measured amplitudes.
-        omega_n, M: of the simulation. viscous: its viscous coefficient, 0 where it has none.
+        A_low, A_high: 10 % quantile and largest of the measured amplitudes. omega_n, M: of the simulation.
+        viscous: its viscous coefficient, 0 where it has none. frequency, damping: its tolerances.
         bandwidth: damping ratio of the simulation at A_high: half the half-power width over omega_n.
-        reach: largest |omega/omega_n - 1| measured. sweeps, states: of the record.
-        frequency, damping: the simulation's tolerances. simulated: parameters of its damping forces, by name.
+        reach: largest |omega/omega_n - 1| measured. sweeps, states: of the record. rate: largest known
+        |d omega/dt|, rad/s^2, or 0. simulated: parameters of its damping forces, by name.
     """
 
     A_low: float
@@ -163,6 +165,7 @@ class Scales:
     sweeps: int = 1
     states: int = 1
     simulated: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    rate: float = 0.0
 
     @property
     def stiffness(self) -> float:
