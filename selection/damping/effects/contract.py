@@ -212,8 +212,8 @@ class Form:
         parameters. largest: strength beyond which the effect makes no sense. replaces: variable of the simulation that
         the effect replaces, if any. sizes: further strengths from which fits start where the gap is large. mirror: key
         shared with the form whose small strengths change the terms in the opposite sense, if any. twin: another form
-        that differs from this one only where stiffness or damping depends on amplitude, if any. whole: whether it
-        replaces a simulated force, so that no small strength recovers the simulation.
+        that differs from this one only where stiffness or damping depends on amplitude, if any. whole: whether small
+        strengths say nothing of large ones, as where it replaces a simulated force.
     """
 
     effect: str

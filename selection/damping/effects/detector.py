@@ -11,8 +11,9 @@ from damping.arrays import BoolArray, ComplexArray, FloatArray, Floats, join_com
 from damping.effects.contract import Drive, Effect, Form, Scales, Terms
 from damping.effects.moving import accumulate, find_rate, order_swept
 
-#: Time constants from which fits start, and the largest one, over the time in which the frequency passes half of the
-#: half-power width: from a shift that is hardly seen to one by a whole sweep.
+#: Usual time constant, those from which fits start, and the largest one, over the time in which the frequency passes
+#: half of the half-power width: from a shift that is hardly seen to one by a whole sweep.
+_USUAL = 0.3
 _TIMES = (0.2, 0.6, 1.5, 4.0)
 _SLOWEST = 20.0
 #: Ages in time constants, and shares, of what a reading is the mean of: as of exp(-age), exact for powers up to 11.
@@ -89,6 +90,7 @@ def detector_forms(scales: Scales) -> tuple[Form, ...]:
     """Strength: the time constant. An averaged phasor, or an averaged amplitude; none where no sweep rate is known."""
     if not scales.rate:
         return ()
+    # small ones shift the resonance, as its frequency does: only whole steps lower and skew it
     natural = scales.bandwidth * scales.omega_n / scales.rate
     sizes = tuple(natural * size for size in _TIMES)
 
@@ -96,7 +98,7 @@ def detector_forms(scales: Scales) -> tuple[Form, ...]:
         def report(time: Floats) -> dict[str, Floats]:
             return {"time": time, "rectified": rectified}
 
-        return SLOW_DETECTOR.form(report, 0.1 * natural, largest=_SLOWEST * natural, sizes=sizes)
+        return SLOW_DETECTOR.form(report, _USUAL * natural, largest=_SLOWEST * natural, sizes=sizes, whole=True)
 
     return form(0.0), form(1.0)
 
