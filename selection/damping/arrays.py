@@ -45,6 +45,11 @@ def differs(values: Floats, number: float) -> bool:
     return values != number if isinstance(values, float) else bool(np.any(values != number))
 
 
+def of_every(values: Any, every: int) -> Any:
+    """Values (batch, n) of models 0, k, 2k ..., k = ``every``; values shared by all models are unchanged."""
+    return values[::every] if np.ndim(values) > 1 else values
+
+
 def join_rows(parts: Sequence[_Rows]) -> _Rows:
     """Results of one kind, with different rows, as one: arrays and tuples are joined, the rest is that of the first.
 

@@ -20,7 +20,7 @@ from damping_reed1970 import data_folder
 
 SATURN = data_folder() / "saturn-v"
 RECORD = SATURN / "records" / "config-2-mode-1.csv"
-SCALES = Scales(0.2, 2.0, 10.0, 3.0, 0.5, 0.01, 0.1, 0.001, 0.05, simulated={"viscous": {"coefficient": 0.5}})
+SCALES = Scales(0.2, 2.0, 10.0, 3.0, 0.5, 0.01, 0.1, 0.001, 0.05, simulated={"viscous": {"coefficient": 0.5}}, rate=0.1)
 
 
 def send(value: object) -> object:

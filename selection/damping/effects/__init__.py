@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import cast
 
-from damping.effects import contact, course, forces, foreign, masses, received, rig, structure
+from damping.effects import contact, course, detector, forces, foreign, masses, received, rig, structure
 from damping.effects.contract import Effect, Form, Scales, Terms
 from damping.errors import InputError, list_nearest
 
@@ -58,6 +58,7 @@ FOREIGN: dict[str, Effect] = {
         structure.NEIGHBOURS,
         received.FORCE_CELL,
         rig.SENSOR_MOUNT,
+        detector.SLOW_DETECTOR,
         rig.GAIN_SLOPE,
         masses.VARYING_MASS,
         masses.OTHER_MASS,

@@ -89,7 +89,8 @@ class Terms(NamedTuple):
             the reading. readings: nonlinear instruments. beside: the parts added to Z. moving: d omega/dt beyond the
             known rate, rad/s^2. Of a moving frequency are law: power of omega/omega_n in the known rate; ringing:
             reading, see `damping.effects.moving.hurried`; begun: start, 0 long before the first row of each sweep, 1 at
-            it from a dwell; held: force between rows, 0 changing evenly, 1 that of the row reached.
+            it from a dwell; held: force between rows, 0 changing evenly, 1 that of the row reached; averaging: of a
+            detector, its time constant, s, and whether it averages amplitudes alone.
     """
 
     M: Floats
@@ -114,6 +115,7 @@ class Terms(NamedTuple):
     ringing: Floats = 0.0
     begun: Floats = 0.0
     held: Floats = 0.0
+    averaging: tuple[Floats, bool] | None = None
 
     def plus(self, **parts: Any) -> Terms:
         """The terms with one more part in each field named: a force, a change by the drive, or an instrument."""
@@ -144,11 +146,11 @@ class Scales:
     """Characteristic sizes of the problem, from which every prior is set.
 
     Attributes:
-        A_low, A_high: 10 % quantile and largest of the measured amplitudes.
-        omega_n, M: of the simulation. viscous: its viscous coefficient, 0 where it has none.
-        bandwidth: damping ratio of the simulation at A_high: half the half-power width over omega_n.
-        reach: largest |omega/omega_n - 1| measured. sweeps, states: of the record.
-        frequency, damping: the simulation's tolerances. simulated: parameters of its damping forces, by name.
+        A_low, A_high: 10 % quantile and largest of the measured amplitudes. omega_n, M: of the simulation. viscous: its
+        viscous coefficient, 0 where it has none. frequency, damping: its tolerances. bandwidth: damping ratio of the
+        simulation at A_high: half the half-power width over omega_n. reach: largest |omega/omega_n - 1| measured.
+        sweeps, states: of the record. rate: largest known |d omega/dt|, rad/s^2, or 0. simulated: parameters of its
+        damping forces, by name.
     """
 
     A_low: float
@@ -163,6 +165,7 @@ class Scales:
     sweeps: int = 1
     states: int = 1
     simulated: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    rate: float = 0.0
 
     @property
     def stiffness(self) -> float:
@@ -204,14 +207,13 @@ class Form:
 
     Attributes:
         effect: its name. report: see `Report`. origin: arguments by which `damping.effects.list_forms` makes it again.
-        change: (terms, strength, shapes...) -> terms; the strength is positive; values are arrays (batch, 1).
-        natural: characteristic strength in the units of the problem, the scale of difference quotients.
-        shapes: shape parameters. largest: strength beyond which the effect makes no sense.
-        replaces: variable of the simulation that the effect replaces, if any.
-        sizes: further strengths from which fits start where the gap is large.
-        mirror: key shared with the form whose small strengths change the terms in the opposite sense, if any.
-        twin: another form that differs from this one only where stiffness or damping depends on amplitude, if any.
-        whole: whether it replaces a simulated force, so that no small strength recovers the simulation.
+        change: (terms, strength, shapes...) -> terms; the strength is positive; values are arrays (batch, 1). natural:
+        characteristic strength in the units of the problem, the scale of difference quotients. shapes: shape
+        parameters. largest: strength beyond which the effect makes no sense. replaces: variable of the simulation that
+        the effect replaces, if any. sizes: further strengths from which fits start where the gap is large. mirror: key
+        shared with the form whose small strengths change the terms in the opposite sense, if any. twin: another form
+        that differs from this one only where stiffness or damping depends on amplitude, if any. whole: whether small
+        strengths say nothing of large ones, as where it replaces a simulated force.
     """
 
     effect: str
@@ -242,8 +244,7 @@ class Effect:
         name: as in files. kind: what it changes. sentence: its statement about structure or test, for the report.
         forms: its forms for a problem, or none.
         simulate: the terms with the effect given by a model file's table, completed by the defaults of its shapes.
-        shapes: the parameters of its table in a model file.
-        force: the force that the table adds, if any; such an effect can be integrated in time too.
+        shapes: the parameters of that table. force: that which it adds, if any; the effect can then be integrated too.
         damping: name of the damping force that stands for it in a corrected model; empty where it is no such force.
         corrects: ``frequency``, or the damping force, whose simulated value its ``relative`` changes; empty for others.
         need: data without which it cannot be identified. denies: effects that are not tried beside it. prior: odds of

@@ -35,7 +35,7 @@ def hurried(Z: ComplexArray, terms: Terms, drive: Drive) -> tuple[ComplexArray, 
     if not terms.moving and not differs(drive.rate, 0.0):
         H: ComplexArray = np.reciprocal(Z)
         return H, -1.0 * H  # a third of the time of -H
-    alpha = add_parts(terms.moving, drive) + drive.rate * (drive.omega / terms.omega_n) ** terms.law
+    alpha = find_rate(terms, drive)
     M, omega, share = terms.M * drive.mass + drive.added, drive.omega, terms.ringing
     loss, squared = Z.imag / (M * omega), Z.real / M + np.square(omega)
     free = np.sqrt(np.maximum(squared - 0.25 * loss * loss, _RINGS * np.square(omega)))
@@ -49,6 +49,29 @@ def hurried(Z: ComplexArray, terms: Terms, drive: Drive) -> tuple[ComplexArray, 
     other = -1j * ((1.0 - share) / (2.0 * M * free)) * np.reciprocal(join_complex(0.5 * loss, omega + free))
     H = per * motion - other
     return H, per * per * memory.by_p(memory.lewis) * np.reciprocal(H)
+
+
+def find_rate(terms: Terms, drive: Drive) -> Floats:
+    """d omega/dt at each row, rad/s^2."""
+    rate: Floats = add_parts(terms.moving, drive) + drive.rate * (drive.omega / terms.omega_n) ** terms.law
+    return rate
+
+
+def order_swept(way: FloatArray, drive: Drive) -> tuple[IntArray, BoolArray]:
+    """The order in which sweeps in directions ``way`` (n,) pass the rows, and which neighbours in it are not of one."""
+    sweep = np.broadcast_to(drive.sweep, drive.omega.shape)
+    order = np.lexsort((way * drive.omega, way, sweep))
+    return order, (np.diff(sweep[order]) != 0.0) | (np.diff(way[order]) != 0.0)
+
+
+def accumulate(y: ComplexArray, kept: ComplexArray | FloatArray) -> None:
+    """Add to each of y (.., n), in place, the share ``kept`` of the sum before it; ``kept`` is spent."""
+    step = 1
+    while step < y.shape[-1] and kept.any():  # the reach doubles with each step
+        y[..., step:] += kept[..., step:] * y[..., :-step]
+        kept[..., step:] *= kept[..., :-step]
+        kept[..., :step] = 0.0
+        step *= 2
 
 
 class _Memory(NamedTuple):
@@ -118,8 +141,7 @@ def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
     if ways.ndim > 1 and np.any(ways != ways[:1]):  # models that sweep in different directions differ in row order
         parts = np.broadcast_arrays(*memory)
         return np.stack([_remembered(_Memory._make(part[k] for part in parts), drive) for k in range(len(ways))])
-    way, sweep = ways.reshape(-1, ways.shape[-1])[0], np.asarray(drive.sweep)
-    order = np.lexsort((way * drive.omega, way, sweep))
+    order, first = order_swept(ways.reshape(-1, ways.shape[-1])[0], drive)
     memory, omega, F = memory.take(order), drive.omega[order], drive.F[order]
     last, row = memory.take(slice(-1)), memory.take(slice(1, None))  # pairs of neighbours
     beyond = row.beyond & last.beyond  # the quiet solution diverges before resonance
@@ -128,7 +150,7 @@ def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
     by_rate = row.by_rate(V, by_p)
     rate = 0.5 * (row.alpha + last.alpha)
     # a dwell has no memory
-    first = (np.diff(sweep[order]) != 0.0) | (np.diff(way[order]) != 0.0) | (rate == 0.0)
+    first = first | (rate == 0.0)
     time = np.abs(np.diff(omega) / np.where(rate == 0.0, 1.0, rate))
     phase_decay = (0.5 * time) * (row.p + last.p)
     decay = _exp(np.minimum(-phase_decay.real, _LOUDEST), -phase_decay.imag)
@@ -142,10 +164,5 @@ def _remembered(memory: _Memory, drive: Drive) -> ComplexArray:
     motion, kept = np.empty(memory.p.shape, dtype=np.complex128), np.zeros(memory.p.shape, dtype=np.complex128)
     motion[..., 0], kept[..., 1:] = memory.start[..., 0], decay
     motion[..., 1:] = np.where(first, row.start, V - before * decay - moved)
-    step = 1
-    while step < len(order) and kept.any():  # the reach doubles with each step
-        motion[..., step:] += kept[..., step:] * motion[..., :-step]
-        kept[..., step:] *= kept[..., :-step]
-        kept[..., :step] = 0.0
-        step *= 2
+    accumulate(motion, kept)
     return motion[..., np.argsort(order)]

@@ -20,8 +20,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from damping.arrays import ComplexArray, FloatArray, Floats, differs, join_complex
+from damping.arrays import ComplexArray, FloatArray, Floats, differs, join_complex, of_every
 from damping.effects.contract import Drive, Instrument, Terms, add_parts
+from damping.effects.detector import detect
 from damping.effects.moving import hurried
 from damping.forces.contract import Force
 
@@ -84,13 +85,11 @@ def predict(terms: Terms, u: FloatArray, drive: Drive, every: int = 1) -> Predic
     real, slope = _pass([reading.read for reading in terms.readings], real)
     if terms.readings:
         by_u = slope * (by_u.real * per_u) + 1j * by_u.imag * per_u
-        by_frequency = _of_every(slope, every) * by_frequency.real + 1j * by_frequency.imag
+        by_frequency = of_every(slope, every) * by_frequency.real + 1j * by_frequency.imag
+    if terms.averaging:
+        read, by_frequency = detect(join_complex(real, phase), by_frequency, terms, drive, every)
+        real, phase = read.real, read.imag
     return Prediction(real + gain, phase - lag, by_u, by_frequency)
-
-
-def _of_every(values: Any, every: int) -> Any:
-    """Values (batch, n) of models 0, k, 2k ..., k = ``every``; values shared by all models are unchanged."""
-    return values[::every] if np.ndim(values) > 1 else values
 
 
 def _pass(instruments: Iterable[Instrument], v: FloatArray) -> tuple[FloatArray, Floats]:
@@ -109,7 +108,7 @@ def _at_resonance(receptance: _Receptance, F: FloatArray, every: int) -> tuple[A
     loss = np.where(stiffness.imag == 0.0, NEAREST * np.abs(stiffness), stiffness.imag)
     real = np.log(F) - np.log(np.abs(loss))
     by_u = (receptance.by_u * stiffness).imag / loss
-    by_frequency = (receptance.by_frequency * _of_every(stiffness, every)).imag / _of_every(loss, every)
+    by_frequency = (receptance.by_frequency * of_every(stiffness, every)).imag / of_every(loss, every)
     return real, -0.5 * np.pi, by_u.astype(np.complex128), by_frequency.astype(np.complex128)
 
 
@@ -179,19 +178,19 @@ def _receptance(terms: Terms, drive: Drive, A: FloatArray, turns: int, every: in
         amplitudes = _shares(terms, paths, A, sum(paths) + compliance)
     paths, changes = _list_paths(terms, drive, still, amplitudes, stiffer)
     # dZ/d ln omega_n
-    by_stiffness = 2.0 * _of_every(terms.M, every) * drive.mass * np.square(_of_every(terms.omega_n, every))
+    by_stiffness = 2.0 * of_every(terms.M, every) * drive.mass * np.square(of_every(terms.omega_n, every))
     (per_Z, slope), *others = changes
     if len(paths) == 1 and not terms.compliance:
-        return _Receptance(paths[0], paths, per_Z * slope, _of_every(per_Z, every) * by_stiffness)
-    by_u, by_frequency = paths[0] * per_Z * slope, _of_every(paths[0] * per_Z, every) * by_stiffness
+        return _Receptance(paths[0], paths, per_Z * slope, of_every(per_Z, every) * by_stiffness)
+    by_u, by_frequency = paths[0] * per_Z * slope, of_every(paths[0] * per_Z, every) * by_stiffness
     H = paths[0] + compliance
     for per_Z, slope in others:
         by_u = by_u + paths[1] * per_Z * slope
-        in_second = _of_every(paths[1] * per_Z, every) * by_stiffness
-        by_frequency = by_frequency + in_second * np.square(_of_every(ratio, every))
+        in_second = of_every(paths[1] * per_Z, every) * by_stiffness
+        by_frequency = by_frequency + in_second * np.square(of_every(ratio, every))
         H = H + paths[1]
     per_H = np.reciprocal(H)
-    return _Receptance(H, paths, by_u * per_H, by_frequency * _of_every(per_H, every))
+    return _Receptance(H, paths, by_u * per_H, by_frequency * of_every(per_H, every))
 
 
 def _list_paths(

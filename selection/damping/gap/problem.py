@@ -156,6 +156,7 @@ def scales(rows: PhasorRows, mode: Mode) -> Scales:
         sweeps=len(rows.sweeps),
         states=1 + int(rows.state.max()),
         simulated=mode.damping,
+        rate=float(np.abs(rows.rate).max()),
     )
 
 
