@@ -128,9 +128,8 @@ def export_deck(source: Path, out: Path, code: str, record: str | None = None) -
     }
     write_text(out, to_ascii(fill_text(Path(__file__).with_suffix(".txt"), values)))
     misses = [f"{m}, {which}: {c}" for m, which, _, c in fitted if c.alone or abs(c.miss) > MOST_MISFIT]
-    print_lines(
-        f"{out} written: damping for {code}", (*missing, *([unconverted] if fitted and si is None else []), *misses)
-    )
+    notes = [*missing, *([unconverted] if fitted and si is None else []), *misses]
+    print_lines(f"{out} written: damping for {code}", notes)
 
 
 def to_ascii(text: str) -> str:

@@ -220,7 +220,7 @@ def _flatten(part: FormPart, *without: str) -> dict[str, Any]:
     for name, value in part:
         if name == "cautions":
             columns[name] = "; ".join(value)
-        elif name == "damping_ratio" or isinstance(value, IntervalForm):
+        elif name == "damping_ratio" or isinstance(value, IntervalForm):  # a refused load has no damping ratio
             median, low, high = (end for _, end in value or IntervalForm())
             columns |= {name: median, f"{name}_low": low, f"{name}_high": high}
         elif name not in without:

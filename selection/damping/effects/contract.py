@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from damping.arrays import BoolArray, FloatArray, Floats, differs
+from damping.effects.scales import Scales
 from damping.forces.contract import Force
 from damping.forces.shapes import Shape, completed
 
@@ -142,43 +143,6 @@ class Terms(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Scales:
-    """Characteristic sizes of the problem, from which every prior is set.
-
-    Attributes:
-        A_low, A_high: 10 % quantile and largest of the measured amplitudes. omega_n, M: of the simulation. viscous: its
-        viscous coefficient, 0 where it has none. frequency, damping: its tolerances. bandwidth: damping ratio of the
-        simulation at A_high: half the half-power width over omega_n. reach: largest |omega/omega_n - 1| measured.
-        sweeps, states: of the record. rate: largest known |d omega/dt|, rad/s^2, or 0. simulated: parameters of its
-        damping forces, by name.
-    """
-
-    A_low: float
-    A_high: float
-    omega_n: float
-    M: float
-    viscous: float
-    bandwidth: float
-    reach: float
-    frequency: float
-    damping: float
-    sweeps: int = 1
-    states: int = 1
-    simulated: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    rate: float = 0.0
-
-    @property
-    def stiffness(self) -> float:
-        """K = M omega_n^2."""
-        return self.M * self.omega_n**2
-
-    @property
-    def loss(self) -> float:
-        """C/A of the simulation at the largest amplitude: its damping as a loss stiffness."""
-        return 2.0 * self.bandwidth * self.stiffness
-
-
-@dataclass(frozen=True)
 class FormVariable:
     """A shape parameter of a form: ln(value) ~ N(ln(centre), width^2), or value ~ N(centre, width^2) if ``linear``.
 
@@ -207,13 +171,14 @@ class Form:
 
     Attributes:
         effect: its name. report: see `Report`. origin: arguments by which `damping.effects.list_forms` makes it again.
-        change: (terms, strength, shapes...) -> terms; the strength is positive; values are arrays (batch, 1). natural:
-        characteristic strength in the units of the problem, the scale of difference quotients. shapes: shape
-        parameters. largest: strength beyond which the effect makes no sense. replaces: variable of the simulation that
-        the effect replaces, if any. sizes: further strengths from which fits start where the gap is large. mirror: key
-        shared with the form whose small strengths change the terms in the opposite sense, if any. twin: another form
-        that differs from this one only where stiffness or damping depends on amplitude, if any. whole: whether small
-        strengths say nothing of large ones, as where it replaces a simulated force.
+        change: (terms, strength, shapes...) -> terms; the strength is positive; values are arrays (batch, 1).
+        natural: characteristic strength in the units of the problem, the scale of difference quotients.
+        shapes: shape parameters. largest: strength beyond which the effect makes no sense.
+        replaces: variable of the simulation that the effect replaces, if any.
+        sizes: further strengths from which fits start where the gap is large.
+        mirror: key shared with the form whose small strengths change the terms in the opposite sense, if any.
+        twin: another form that differs from this one only where stiffness or damping depends on amplitude, if any.
+        whole: whether small strengths say nothing of large ones, as where it replaces a simulated force.
     """
 
     effect: str
@@ -244,7 +209,8 @@ class Effect:
         name: as in files. kind: what it changes. sentence: its statement about structure or test, for the report.
         forms: its forms for a problem, or none.
         simulate: the terms with the effect given by a model file's table, completed by the defaults of its shapes.
-        shapes: the parameters of that table. force: that which it adds, if any; the effect can then be integrated too.
+        shapes: the parameters of its table in a model file.
+        force: the force that the table adds, if any; such an effect can be integrated in time too.
         damping: name of the damping force that stands for it in a corrected model; empty where it is no such force.
         corrects: ``frequency``, or the damping force, whose simulated value its ``relative`` changes; empty for others.
         need: data without which it cannot be identified. denies: effects that are not tried beside it. prior: odds of
