@@ -121,5 +121,5 @@ def _read_spectra(label: str, group: Sequence[Function], source: Source) -> Camp
     if len(drives) > 1 and any(f.of.is_force for _, f in drives):
         raise refuse_forces(label, [name for name, _ in drives])
     control = stated.join_controls([f.y * stated.of(name).scale for name, f in drives])
-    drive_unit = source.find_drive_unit(drives[0][0], drives[0][1].of.numerator.unit or "g")
+    drive_unit = source.find_unit(drives[0][0], "force", drives[0][1].of.numerator.unit or "g")
     return source.set_level(source.leave_flat(CampaignRun(label, None, drive_unit, x, control, channels)), label)

@@ -55,14 +55,13 @@ class _Content:
 
     def find_unit(self, reading: SensorColumns, what: str, usual: str = "") -> str:
         """Unit of a reading: as stated, else in its header, else the ``usual`` one. InputError: it has none."""
-        text = self.table.headers[reading.main].unit or usual
-        own = self.source.stated.of(reading.name).unit or self.source.facts.units.get(what) or text
+        own = self.source.find_unit(reading.name, what, self.table.headers[reading.main].unit or usual)
         if own in ("", "-", "1"):
             such = "N" if what == "force" else "g/g" if own else "m/s^2"
             expected = f"in its header, by --unit {what}={such}, or in --correct FILE.toml"
             raise InputError(f"the unit of {reading.name!r} is not known", expected=expected)
         option = f"--unit {what}=UNIT, or of volts unit and scale in --correct FILE.toml,"
-        return unit(own.replace("m/s2", "m/s^2"), what=f"of {reading.name!r} the unit", option=option).text
+        return unit(own, what=f"of {reading.name!r} the unit", option=option).text
 
     def find_read_unit(self, sweep: "_SweepRows") -> str:
         """Unit of the level in the label of a sweep if a drive reads that number; else ''."""
@@ -153,7 +152,7 @@ def _choose_drives(table: SensorTable, readings: Sequence[SensorColumns], source
     usual = next((reading.name for reading in readings if reading.main == table.setting.get("force")), "")
     wanted = {name: text for name, text in units.items() if name == usual or "force" not in source.facts.columns}
     names = source.stated.list_drives(wanted, usual)
-    kinds = {name: find_powers(source.find_drive_unit(name, units[name])) for name in names}
+    kinds = {name: find_powers(source.find_unit(name, "force", units[name])) for name in names}
     if len(names) > 1 and any(of == (1, 0, 0) or (not of and "force" in name.lower()) for name, of in kinds.items()):
         raise refuse_forces(table.label, names)
     return [reading for reading in readings if reading.name in names]

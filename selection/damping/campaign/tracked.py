@@ -58,17 +58,17 @@ class Source:
         stated = self.stated.of(name)
         if stated.role == "out":
             return None
-        own = stated.unit or self.facts.units.get("response", "")
+        own = self.find_unit(name, "response", "")
         ratio = split_ratio(own, "") if known.get("per_drive") else None
         own = ratio[0] if ratio else own
-        text = (own or text).replace("m/s2", "m/s^2")
+        text = own or text.replace("m/s2", "m/s^2")
         quantity = describe_quantity(text, name) if own or not quantity else quantity
         require_finite(name, samples)
         return Channel(name, quantity, text, samples, **known).scaled(stated.scale)
 
-    def find_drive_unit(self, name: str, text: str) -> str:
-        """The unit of a drive: as stated, else ``text``."""
-        return (self.stated.of(name).unit or self.facts.units.get("force") or text).replace("m/s2", "m/s^2")
+    def find_unit(self, name: str, what: str, text: str) -> str:
+        """The unit of a channel: as stated for it, else for all (``what``: response or force), else ``text``."""
+        return (self.stated.of(name).unit or self.facts.units.get(what) or text).replace("m/s2", "m/s^2")
 
     def refuse_columns(self) -> None:
         """Raise InputError for columns stated for a file that is no table of steady states."""
@@ -115,7 +115,7 @@ class Source:
         """The run of blocks of samples (channels, n) tracked by the channel named ``drive``."""
         stated, place, limits = self.stated.of(drive), [name for name, _ in units].index(drive), Limits()
         self.channels.add(drive)
-        text = self.find_drive_unit(drive, units[place][1])
+        text = self.find_unit(drive, "force", units[place][1])
         if not text:
             expected = "a unit in its header, such as force [N], in --unit force=N or in --correct FILE.toml"
             raise InputError("the drive has no unit", file=self.file, column=drive, expected=expected)
