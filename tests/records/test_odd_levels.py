@@ -11,7 +11,7 @@ import damping as dp
 from damping.arrays import FloatArray
 from damping.records import Finding, audit
 from damping.records.check_sweeps import check_outlier
-from damping.records.outliers import ODD, OF_OTHERS, _list_suspects
+from damping.records.odd_levels import ODD, OF_OTHERS, _list_suspects
 from damping.records.view import View
 from damping_validation.truths import OMEGA, TRUTHS, draw_truth
 

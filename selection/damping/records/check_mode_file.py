@@ -1,4 +1,4 @@
-"""Check of a record against its mode file: mass, frequency and damping that are those of another structure or mode."""
+"""Checks of a mode file: by itself, and against a record whose mass, frequency or damping may be of another mode."""
 
 from math import hypot, log
 
@@ -6,12 +6,58 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.forces import component
-from damping.records.check_few import list_at_edge
+from damping.records.check_edges import list_at_edge
 from damping.records.check_levels import FAR_MASS, FAR_MASS_WITHOUT_PHASE, compare_masses, list_medians
-from damping.records.check_units import SMALL_RATIO, describe_unusual_ratio, name_factor, name_unit
-from damping.records.mode import Mode
+from damping.records.check_units import (
+    LARGEST_RATIO,
+    LARGEST_TOLERANCE,
+    LEAST_RATIO,
+    SMALL_RATIO,
+    name_factor,
+    name_unit,
+)
+from damping.records.mode import Mode, Units
 from damping.records.view import Finding, View, take_median
 
+
+def check_tolerances(view: View) -> Finding | None:
+    """Relative uncertainties in a mode file that are larger than the values, as per cents taken for shares are."""
+    tables = (("mode.tolerance", view.mode.tolerance), ("repeatability", view.mode.repeatability)) if view.mode else ()
+    stated = [(f"{key} in [{name}]", value) for name, table in tables for key, value in vars(table).items() if value]
+    large = [f"{100.0 * value:g} % of {key}" for key, value in stated if value > LARGEST_TOLERANCE]
+    if not large:
+        return None
+    what = f"the mode file states an uncertainty of {' and of '.join(large)}"
+    return Finding("units", "caution", what, "are they per cents? give shares: 0.02 for 2 %", view.record.sweeps)
+
+
+def check_base_unit(view: View) -> Finding | None:
+    """A base acceleration named in g beside a length: answers, and design levels, are in length/time^2."""
+    units = view.mode.units if view.mode and view.mode.drive == "base" else Units()
+    of_base = units.of_base_drive.force
+    if units.force != "g" or not of_base:
+        return None
+    what = f"the mode file names g for the base's acceleration, which is taken in {of_base}, as its length and time say"
+    advice = f"give the column force, and design levels, in {of_base}"
+    return Finding("units", "caution", what, advice, view.record.sweeps)
+
+
+_OTHER_TIMES = ("ns", "us", "µs", "ms", "min", "minute", "minutes", "h", "hour", "hours")  #: named, and not seconds
+
+
+def check_time_unit(view: View) -> Finding | None:
+    """A unit of time other than the second, while frequencies are in Hz: coefficients and masses are per second."""
+    text = view.mode.units.time if view.mode else ""
+    if text.lower() not in _OTHER_TIMES:
+        return None
+    what = f"the mode file names {text} as the unit of time, while frequencies are in Hz"
+    advice = 'coefficients are found in seconds: give time = "s", and the mass in the unit of force times s^2/length'
+    return Finding("units", "caution", what, advice, view.record.sweeps)
+
+
+#: Damping ratios of assembled structures that have a resonance to test: bolted and welded ones have 0.001 and more,
+#: soils, sloshing and dampers up to 0.15. Only where no row implies a mass, which shows a wrong unit better.
+USUAL_RATIOS = (5e-4, 0.2)
 FAR_FREQUENCY = 1.1  #: factor from which the frequency of the lowest level, bent least, is far from the mode file's
 FAR_DAMPING = 5.0  #: the same for the damping ratio, the least known input of a simulation
 NEAR_NAMED = 0.4  #: distance (ln) from a factor between units within which such a ratio is called by it
@@ -49,7 +95,7 @@ def check_beyond_model(view: View) -> Finding | None:
         differences.append(
             f"a damping ratio of {zeta:.3g}, {simulated:.3g} in the mode file{f' ({name}?)' if name else ''}"
         )
-    elif not simulated and (unusual := describe_unusual_ratio(view, zeta)):
+    elif not simulated and (unusual := _describe_unusual_ratio(view, zeta)):
         name = f" ({name_unit(zeta / 0.01, view.mode.units)}?)" if zeta < SMALL_RATIO else ""
         differences.append(f"a damping ratio of {zeta:.3g}, {unusual} than assembled structures have{name}")
         advice = "check the units of force and response, that their columns are not exchanged, and the mass"
@@ -59,6 +105,15 @@ def check_beyond_model(view: View) -> Finding | None:
     other = not swept.min() / OTHER_MODE < view.mode.frequency < swept.max() * OTHER_MODE
     advice = "model and record are of different modes" if other else advice
     return Finding("beyond-model", "refuse" if other else "caution", "; ".join(differences), advice, view.record.sweeps)
+
+
+def _describe_unusual_ratio(view: View, zeta: float) -> str:
+    """``less`` or ``more`` for a damping ratio that assembled structures do not have; else empty.
+
+    That of a free decay is known without units.
+    """
+    low, high = USUAL_RATIOS if np.isnan(view.mass_ratio) and not view.record.is_decay else (SMALL_RATIO, LARGEST_RATIO)
+    return "less" if LEAST_RATIO < zeta < low else "more" if high < zeta < LARGEST_RATIO else ""
 
 
 def _is_beside(mode: Mode, frequency: float, zeta: float) -> bool:

@@ -1,29 +1,13 @@
-"""Checks of single sweeps (resonance, rate, outliers) and of labels (several levels under one label)."""
+"""Checks of the rows of single sweeps: outliers, several modes, and a rate that the resonance cannot follow."""
 
 from math import log, pi
 
-import numpy as np
-import pandas as pd
-
-from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
-from damping.records.implied import INCOHERENT, NEAR, SMOOTH
+from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.records.implied import INCOHERENT, NEAR
 from damping.records.other_modes import is_of_other_modes, is_split
 from damping.records.outliers import ISOLATED
-from damping.records.resonance import find_jump
-from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_run_peaks, order_rows
-from damping.records.view import MOST_NAMED, Finding, NamedFinding, View, label_sweeps, name_sweeps, take_median
-
-
-def check_noise(view: View) -> Finding | None:
-    """Amplitudes that differ from row to row as much as over the whole sweep: there is no resonance."""
-    if view.curve:
-        return None
-    smooth = [run for run in view.runs if run.phase is not None and np.mean(np.cos(np.diff(run.phase))) > SMOOTH]
-    if len(smooth) == len(view.runs):
-        return None
-    what = "amplitudes jump from row to row as much as over the whole sweep: this record has no resonance"
-    advice = "check the channel and the tracking filter, or take a band with a resonance"
-    return Finding("edge-of-sweep", "refuse", what, advice, view.record.sweeps)
+from damping.records.runs import Run, count_beats, find_run_peaks
+from damping.records.view import Finding, NamedFinding, View, label_sweeps, name_sweeps, take_median
 
 
 def check_outlier(view: View) -> Finding | None:
@@ -37,8 +21,7 @@ def check_outlier(view: View) -> Finding | None:
     outliers = [row for row in sorted(view.outliers) if not (beats and table["amplitude"][row] < NEAR * largest[row])]
     if not outliers:
         return None
-    odd = view.odd.runs if view.odd else ()
-    beside = [row for row in outliers if view.outliers[row] not in label_sweeps(odd) and row not in view.misplaced]
+    beside = [row for row in outliers if row in view.isolated and row not in view.misplaced]
     shown = ("amplitude", "phase") if view.record.has_phase else ("amplitude",)
     readings = [
         f"{', '.join(f'{name} {table[name][row]:g}' for name in shown)} at row {row + 1} "
@@ -68,61 +51,6 @@ def check_outlier(view: View) -> Finding | None:
 
 #: Largest shift of frequency (ln) of a structure that is set up again, warms or loosens between two levels.
 NO_RERUN = 0.05
-
-
-def check_edge(view: View) -> Finding | None:
-    """Sweeps that contain no resonance: without a phase the row at their edge would be taken for it."""
-    seen = {leg.run.sweep for leg in view.legs if leg.resonant}
-    unseen = [leg for leg in view.legs if leg.run.sweep not in seen]
-    beside = [leg for leg in unseen if not _find_levels(view, view.record.of(leg.run.sweep).frame)]
-    if not beside:
-        return None
-    below = all(np.argmax(leg.run.compliance) > len(leg.run) // 2 for leg in beside)
-    above = all(np.argmax(leg.run.compliance) < len(leg.run) // 2 for leg in beside)
-    where = "stops below its resonance" if below else "starts above its resonance" if above else "holds no resonance"
-    sweeps = label_sweeps(leg.run for leg in beside)
-    blind = any(leg.lag is None for leg in beside)
-    what = f"{name_sweeps(sweeps)}: the range {where}; the largest response is at its edge"
-    advice = "sweep on past the resonance"
-    advice += ", or record the phase: without it the edge would be taken for the resonance" if blind else ""
-    return Finding("edge-of-sweep", "refuse" if blind else "caution", what, advice, sweeps)
-
-
-def check_jump(view: View) -> Finding | None:
-    """Sweeps of a bistable mode that jump past their resonance, so that no row is at it."""
-    jumps: dict[str, str] = {}
-    table = view.resonances[view.resonances["method"] == "beside"]
-    for sweep, offset in zip(table["sweep"].astype(str), table["phase_offset"].astype(float), strict=True):
-        rows, _ = order_rows(view.right.frame[view.right.frame["sweep"].astype(str) == sweep])
-        F, f, A, phase = (rows[name].to_numpy(float) for name in ("force", "frequency", "amplitude", "phase"))
-        if (row := find_jump(F, f, A, phase - offset)) is not None:
-            jumps[sweep] = f"sweep {sweep} between {f[row]:.4g} and {f[row + 1]:.4g} Hz"
-    if not jumps:
-        return None
-    named = ", ".join(list(jumps.values())[:MOST_NAMED])
-    what = f"jumps past the resonance: {named}; the damping is that of the row beside it"
-    advice = "sweep the other way, or hold the phase at 90 degrees, to reach the resonance"
-    return Finding("edge-of-sweep", "caution", what, advice, tuple(jumps))
-
-
-#: A resonance that lies above the largest reading by this factor is reported: bands of careful tests are narrower.
-RISEN = 1.05
-
-
-def check_coarse(view: View) -> Finding | None:
-    """Sweeps without phases whose largest reading lies well below the resonance, because rows are far apart."""
-    if view.record.has_phase or "energy" in view.record.frame.columns:
-        return None
-    table = view.resonances[view.resonances["method"] == "between"]
-    largest = view.right.frame.loc[table["row"], ["force", "amplitude"]].to_numpy(dtype=np.float64)
-    rise = (table["amplitude"] / table["force"]).to_numpy(dtype=np.float64) * largest[:, 0] / largest[:, 1]
-    if not np.any(rise > RISEN):
-        return None
-    sweeps = tuple(table["sweep"][rise > RISEN].astype(str))
-    what = f"{name_sweeps(sweeps)}: no row at the resonance, which lies up to {100.0 * (rise.max() - 1.0):.0f} % above "
-    what += "the largest reading by a curve through the rows; bands allow for its error"
-    advice = "sweep with closer rows, dwell at the peak or record phases"
-    return Finding("edge-of-sweep", "caution", what, advice, sweeps)
 
 
 SPLIT = 1.03  #: a simulated mode farther than this factor from both of two peaks is neither of them
@@ -204,96 +132,3 @@ def check_sweep_rate(view: View) -> Finding | None:
 DRAGGED = 0.5  #: phase offset, rad, that together with ``CURVED`` only a sweep faster than the mode can follow has
 OPPOSED = 0.75 * pi  #: phase offset, rad, from which a phase is of opposite sign rather than late
 CURVED = 0.25  #: misfit of Y by a straight line, relative to |Y|, together with that offset
-
-
-#: Least ratio of the forces of two levels; within a level, forces differ by less than half that gap (in the logarithm).
-LEVEL = 1.12
-#: Rows under one label are peaks of several levels if their phases differ by less than this, rad,
-PEAKS_IN_PHASE = 0.5
-#: and ln amplitude grows by more than this times ln force: peaks grow by 0.5 (velocity-squared damping) or more; within
-#: one resonance the shaker's force drops as amplitude grows.
-GROWS = 0.3
-#: Without phases they are peaks if it grows by more than this, which no rig causes within one resonance,
-GROWS_AS_FORCE = 0.75
-#: or if F/A changes by more than this many times the inertia over the range of frequencies;
-BEYOND_INERTIA = 2.0
-LIGHTEST = 5e-4  #: damping ratio from which that inertia takes a mass that is not stated
-
-
-#: Fewest rows at one force, with lags on both sides of resonance beyond this distance from pi/2, that are a sweep.
-FEWEST_OF_SWEEP = 5
-BESIDE_RESONANCE = 0.25 * pi
-
-
-def check_unlabelled(view: View) -> Finding | None:
-    """Rows with a label each that are sweeps: at one force their lags turn through resonance."""
-    table = view.record.frame
-    if "phase" not in table or table["sweep"].nunique() < len(table):
-        return None
-    turns = table.groupby("force")["phase"].agg(["size", "min", "max"])
-    passes = (turns["min"] < 0.5 * pi - BESIDE_RESONANCE) & (turns["max"] > 0.5 * pi + BESIDE_RESONANCE)
-    sweeps = int(np.sum(passes & (turns["size"] >= FEWEST_OF_SWEEP)))
-    if not sweeps:
-        return None
-    what = f"every row has a label of its own, though rows at one force turn through resonance ({sweeps} such forces)"
-    advice = "give the rows of one sweep one label: with its own, each row counts as a level"
-    return Finding("mixed-levels", "caution", what, advice, view.record.sweeps)
-
-
-def check_mixed_levels(view: View) -> Finding | None:
-    """Several force levels under one label: their rows alternate over the same frequencies, or are single peaks.
-
-    The record is refused if the levels would be taken for one sweep without a resonance.
-    """
-    by_sweep = view.record.frame.groupby("sweep", sort=False)
-    mixed = {str(sweep): levels for sweep, rows in by_sweep if (levels := _find_levels(view, rows))}
-    resonant = {leg.run.sweep for leg in view.legs if leg.resonant}
-    if not mixed or view.record.is_decay:
-        return None
-    levels = next(iter(mixed.values()))
-    forces = ", ".join(f"{force:.4g}" for force in levels[:6])
-    what = f"{name_sweeps(mixed)}: forces of {len(levels)} levels under one label ({forces})"
-    advice = "give every level a label of its own"
-    uses_all_rows = view.record.has_phase or "energy" in view.record.frame
-    advice += "" if uses_all_rows else ": of one label only the largest amplitude is used"
-    blind = any(leg.lag is None and leg.run.sweep in mixed.keys() - resonant for leg in view.legs)
-    return Finding("mixed-levels", "refuse" if blind else "caution", what, advice, tuple(mixed))
-
-
-def _find_levels(view: View, rows: pd.DataFrame) -> list[float]:
-    """Forces of the levels in the ``rows`` of one label; empty if there is one level."""
-    if len(rows) == 1:
-        return []
-    table = rows.sort_values("frequency", kind="stable")
-    frequency, x = table["frequency"].to_numpy(dtype=np.float64), np.log(table["force"].to_numpy(dtype=np.float64))
-    order = np.sort(x)
-    cuts = np.flatnonzero(np.diff(order) > log(LEVEL))
-    groups = np.split(order, cuts + 1)
-    if len(groups) < 2 or max(map(np.ptp, groups)) > 0.5 * np.diff(order)[cuts].min():
-        return []
-    level = np.searchsorted(order[cuts], x - 1e-12)
-    spans = [(frequency[level == k].min(), frequency[level == k].max()) for k in range(len(groups))]
-    low, high = max(span[0] for span in spans), min(span[1] for span in spans)
-    shared = (frequency >= low) & (frequency <= high)
-    changes = int(np.sum(np.diff(level[shared]) != 0)) if min(map(len, groups)) > 1 else 0
-    mixed = changes >= max(4, len(groups)) or _are_peaks(view, table, level)
-    return [float(np.exp(group.mean())) for group in groups] if mixed else []
-
-
-def _are_peaks(view: View, table: pd.DataFrame, level: IntArray) -> bool:
-    """Whether the few rows of one label, with the number of the force ``level`` (rows,), are peaks and not one sweep.
-
-    In one sweep |Z| = F/A obeys |Z|^2 = M^2 (omega_n^2 - omega^2)^2 + C^2, whatever the forces, so that
-    sqrt(Z_max^2 - Z_min^2) <= M (omega_max^2 - omega_min^2).
-    """
-    means = table[["force", "amplitude"]].transform(np.log).groupby(level).mean()
-    steps = means["amplitude"].diff() / means["force"].diff()
-    if len(table) >= FEWEST_ROWS * (len(means) - 1) or not (steps[1:] > GROWS).all():
-        return False
-    if "phase" in table.columns:
-        return bool(np.ptp(table["phase"]) < PEAKS_IN_PHASE)
-    Z, squared = table["force"] / table["amplitude"], (RAD_S_PER_HZ * table["frequency"]) ** 2
-    mass = np.nan_to_num(view.stated_mass, nan=Z.min() / (2.0 * LIGHTEST * squared.mean()))
-    apart = (Z.max() ** 2 - Z.min() ** 2) ** 0.5
-    whole = np.ptp(means["amplitude"]) / np.ptp(means["force"])
-    return bool(whole > GROWS_AS_FORCE or apart > BEYOND_INERTIA * mass * np.ptp(squared))

@@ -152,9 +152,6 @@ ENERGY_SHORT = 3.0  #: an energy at resonance smaller than pi F A by this factor
 
 LEAST_RATIO = 1e-6  #: least damping ratio of a structure: single crystals in a vacuum have more
 SMALL_RATIO = 1e-4  #: less than assembled structures have in air: a wrong unit is more likely
-#: Damping ratios of assembled structures that have a resonance to test: bolted and welded ones have 0.001 and more,
-#: soils, sloshing and dampers up to 0.15. Only where no row implies a mass, which shows a wrong unit better.
-USUAL_RATIOS = (5e-4, 0.2)
 LARGEST_RATIO = 0.5  #: largest damping ratio of a structure that has a resonance to sweep over
 SIMULATED_WITHIN = 1.0  #: ln of the factor within which a simulated damping ratio is right
 FAR_BELOW = 0.01  #: share of the simulated damping ratio below which a wrong unit is more likely
@@ -199,15 +196,6 @@ def check_units(view: View) -> Finding | None:
     return Finding("units", "refuse", "; ".join(parts), advice, view.record.sweeps)
 
 
-def describe_unusual_ratio(view: View, zeta: float) -> str:
-    """``less`` or ``more`` for a damping ratio that assembled structures do not have; else empty.
-
-    That of a free decay is known without units.
-    """
-    low, high = USUAL_RATIOS if np.isnan(view.mass_ratio) and not view.record.is_decay else (SMALL_RATIO, LARGEST_RATIO)
-    return "less" if LEAST_RATIO < zeta < low else "more" if high < zeta < LARGEST_RATIO else ""
-
-
 def _find_other_frequency(view: View, mode: Mode) -> Finding | None:
     """Sweeps, all or some of them, that resonate at the mode's frequency in another unit."""
     ratio = view.implied["frequency"].to_numpy(dtype=np.float64) / mode.frequency
@@ -250,17 +238,6 @@ def check_velocity(view: View) -> Finding | None:
 LARGEST_TOLERANCE = 1.0  #: largest relative uncertainty that is believed: such a value is known to a factor of e
 
 
-def check_tolerances(view: View) -> Finding | None:
-    """Relative uncertainties in a mode file that are larger than the values, as per cents taken for shares are."""
-    tables = (("mode.tolerance", view.mode.tolerance), ("repeatability", view.mode.repeatability)) if view.mode else ()
-    stated = [(f"{key} in [{name}]", value) for name, table in tables for key, value in vars(table).items() if value]
-    large = [f"{100.0 * value:g} % of {key}" for key, value in stated if value > LARGEST_TOLERANCE]
-    if not large:
-        return None
-    what = f"the mode file states an uncertainty of {' and of '.join(large)}"
-    return Finding("units", "caution", what, "are they per cents? give shares: 0.02 for 2 %", view.record.sweeps)
-
-
 def check_uncertainties(view: View) -> Finding | None:
     """Columns of uncertainties, or of a third harmonic, that exceed the values, as per cents do, or another unit."""
     record, large = view.record, []
@@ -274,27 +251,3 @@ def check_uncertainties(view: View) -> Finding | None:
         return None
     advice = "is it in per cent, in degrees, or in another unit? give it in the unit of its column"
     return Finding("units", "caution", " and ".join(large), advice, record.sweeps)
-
-
-def check_base_unit(view: View) -> Finding | None:
-    """A base acceleration named in g beside a length: answers, and design levels, are in length/time^2."""
-    units = view.mode.units if view.mode and view.mode.drive == "base" else Units()
-    of_base = units.of_base_drive.force
-    if units.force != "g" or not of_base:
-        return None
-    what = f"the mode file names g for the base's acceleration, which is taken in {of_base}, as its length and time say"
-    advice = f"give the column force, and design levels, in {of_base}"
-    return Finding("units", "caution", what, advice, view.record.sweeps)
-
-
-_OTHER_TIMES = ("ns", "us", "µs", "ms", "min", "minute", "minutes", "h", "hour", "hours")  #: named, and not seconds
-
-
-def check_time_unit(view: View) -> Finding | None:
-    """A unit of time other than the second, while frequencies are in Hz: coefficients and masses are per second."""
-    text = view.mode.units.time if view.mode else ""
-    if text.lower() not in _OTHER_TIMES:
-        return None
-    what = f"the mode file names {text} as the unit of time, while frequencies are in Hz"
-    advice = 'coefficients are found in seconds: give time = "s", and the mass in the unit of force times s^2/length'
-    return Finding("units", "caution", what, advice, view.record.sweeps)

@@ -22,7 +22,8 @@ from damping.records.implied import (
 )
 from damping.records.leg import Leg
 from damping.records.mode import Mode
-from damping.records.outliers import OddLevel, find_isolated_rows, find_misplaced_rows, find_odd_level
+from damping.records.odd_levels import OddLevel, find_odd_level
+from damping.records.outliers import find_isolated_rows, find_misplaced_rows
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
 from damping.records.rows import list_rates
@@ -79,10 +80,14 @@ class View:
 
     @cached_property
     def outliers(self) -> dict[int, str]:
-        """Outliers against the neighbouring amplitudes, phasors or levels: row of the record, and its sweep."""
-        outliers = [(run, k) for run in self.raw for k in find_isolated_rows(run)]
-        outliers += [(run, 0) for run in (self.odd.runs if self.odd else ())]
-        return {int(run.rows[k]): run.sweep for run, k in outliers} | self.misplaced
+        """Outliers of every kind: row of the record, and its sweep."""
+        of_levels = {int(run.rows[0]): run.sweep for run in (self.odd.runs if self.odd else ())}
+        return self.isolated | of_levels | self.misplaced
+
+    @cached_property
+    def isolated(self) -> dict[int, str]:
+        """Rows far from the neighbouring amplitudes or phasors, and their sweeps."""
+        return {int(run.rows[k]): run.sweep for run in self.raw for k in find_isolated_rows(run)}
 
     @cached_property
     def misplaced(self) -> dict[int, str]:
