@@ -73,3 +73,13 @@ def test_a_clipped_decay_is_refused_and_its_later_part_is_right(order):
         ring_down(t, read, order=order, mass=1.0, frequency=HERTZ)
     later = ring_down(t, read, order=order, mass=1.0, frequency=HERTZ, start=0.9)
     np.testing.assert_allclose(later.damping_ratio, ZETA, rtol=2e-3)  # a viscous decay without noise
+
+
+def test_a_value_held_over_several_blocks_is_one_visit():
+    """Held before a release for longer than a block of samples, in which the value is reached once."""
+    held, decay = np.ones((1, 100)), np.round(np.exp(-np.arange(100.0) / 30.0), 2)[np.newaxis]
+    limits = Limits()
+    for block in (held, held, held, held, decay):
+        limits.note(block)
+    assert limits.found == [None]
+    assert FEWEST_VISITS < 4  # as many as the blocks that hold it

@@ -201,6 +201,7 @@ class Limits:
     def __init__(self) -> None:
         #: (samples, visits) of the two largest values of each channel, then of each channel negated
         self._ends: list[dict[float, tuple[int, int]]] = []
+        self._last: list[float] = []  #: last sample of each, so that a value held on into the next block is one visit
 
     def watch(self, blocks: Iterable[FloatArray]) -> Iterator[FloatArray]:
         """Pass the blocks (channels, n) on and note their extreme values."""
@@ -212,14 +213,17 @@ class Limits:
         """Note the extreme values of samples (channels, n)."""
         both = [sign * row for sign in (1.0, -1.0) for row in block]
         self._ends = self._ends or [{} for _ in both]
-        for ends, x in zip(self._ends, both, strict=True):
+        self._last = self._last or [np.nan] * len(both)
+        for ends, last, x in zip(self._ends, self._last, both, strict=True):
             for value in _list_largest(x):
                 at = x == value
                 samples, visits = ends.get(value, (0, 0))
-                came = int(at[0]) + int(np.count_nonzero(at[1:] & ~at[:-1]))
+                came = int(at[0] and last != value) + int(np.count_nonzero(at[1:] & ~at[:-1]))
                 ends[value] = (samples + int(np.count_nonzero(at)), visits + came)
             for value in sorted(ends)[:-2]:
                 del ends[value]
+        if block.shape[1]:
+            self._last = [float(x[-1]) for x in both]
 
     @property
     def found(self) -> list[float | None]:
