@@ -17,6 +17,7 @@ import pandas as pd
 from damping.arrays import INCH_M, POUND_FORCE_N, STANDARD_GRAVITY_M_S2
 from damping.errors import InputError
 from damping.predict import rescale_mode
+from damping.records.keys import POWERS
 from damping.records.mode import Mode, Units
 from damping.records.record import Record
 from damping.records.text import describe_shortened
@@ -139,17 +140,8 @@ def _find_name(name: str) -> tuple[tuple[int, int, int], float]:
     raise ValueError
 
 
-#: Powers of (force, length) of the columns of a record; all times are in s. Other columns are not converted.
-_COLUMNS = {
-    **dict.fromkeys(("force", "force_sd"), (1, 0)),
-    **dict.fromkeys(("amplitude", "amplitude_sd", "amplitude_3", "amplitude_y"), (0, 1)),
-    "energy": (1, 1),
-    **dict.fromkeys(("mass", "added_mass"), (1, -1)),
-}
-_WITHOUT_UNIT = (
-    *("sweep", "frequency", "phase", "phase_sd", "phase_3", "phase_y"),
-    *("sweep_rate", "time", "decay", "damping_ratio"),
-)
+#: Further columns without a unit, of records of free decays.
+_OF_DECAYS = ("decay", "damping_ratio")
 
 
 @dataclass(frozen=True)
@@ -198,10 +190,10 @@ def convert_record(record: Record, by: Factors, drive: str = "force") -> tuple[R
     ``drive``: of its mode; with ``base`` the column ``force`` is an acceleration, and energies are per mass.
     """
     table, driven = record.frame.copy(), by.per_mass if drive == "base" else by
-    for name, powers in _COLUMNS.items():
-        if name in table:
+    for name, powers in POWERS.items():
+        if name in table and any(powers):
             table[name] = table[name] * (by if name in ("mass", "added_mass") else driven).of(*powers)
-    kept = [name for name in table if name not in _COLUMNS and name not in _WITHOUT_UNIT]
+    kept = [name for name in table if name not in (*POWERS, *_OF_DECAYS)]
     return Record(table, record.source), [f"column {name} is kept as it is: its unit is not known" for name in kept]
 
 

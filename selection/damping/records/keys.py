@@ -33,6 +33,8 @@ OPTIONAL_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["pres
 TEXT_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["range"] == "text")
 #: Columns of a record in which a cell may be empty: a row without ``mass`` has the mass of the mode file.
 BLANK_COLUMNS = tuple(column["column"] for column in _COLUMNS if column["cells"] == "may be blank")
+#: Powers of (force, length) in the unit of each column, if the mass is force s^2/length.
+POWERS = {column["column"]: (int(column["force"]), int(column["length"])) for column in _COLUMNS}
 #: Expected content of a numeric cell, where it differs for a cell with text, and for an empty cell that must be filled.
 A_NUMBER = "a finite number"
 IN_TEXT = {"time": "a finite number: s since any moment, not a time of day"}
