@@ -103,6 +103,17 @@ def mat5(path: Path, **variables: np.ndarray) -> Path:
     return path
 
 
+@pytest.mark.parametrize("name", ["time", "t"])
+def test_the_unit_of_times_beside_a_named_signal(tmp_path, name):
+    """Times that are found by their name, of the role or a usual one, were taken for seconds whatever their unit."""
+    ms = np.arange(50.0)
+    path = hdf5(tmp_path / "a.h5", acc=np.sin(ms), **{name: ms})
+    with h5py.File(path, "a") as file:
+        file[name].attrs["units"] = "ms"
+    (series,), _ = read_file(path, Stated(columns={"response": "acc"}))
+    np.testing.assert_allclose(series.abscissa, 1e-3 * ms, rtol=1e-15, atol=0.0)
+
+
 @pytest.mark.parametrize("write", [mat5, mat73, hdf5])
 def test_columns_under_one_force_may_be_sensors(truth, tmp_path, imported, write):
     """Two sensors became sweeps of one, whose amplitudes differ under the same force, without a word."""

@@ -13,13 +13,13 @@ from damping.gap.rows import read_rows
 from damping.infer.observations import observe
 from damping.records import audit
 from damping.records.mode import Mode
+from damping.records.pairs import phase_offset
 from damping.records.reading import read_record
 from damping.records.record import Record, energy_per_cycle
 from damping.records.resonance import (
     find_jump,
     find_resonance,
     number_levels,
-    phase_offset,
     tabulate_resonances,
 )
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError, naming
-from damping.formats.arrays import list_array_series, list_channels
+from damping.formats.array_series import list_array_series, list_channels
 from damping.formats.cells import DECIMALS, DELIMITERS
 from damping.formats.columns import Layout, TextTable, open_table
 from damping.formats.conversion import RESPONSES, SCALINGS

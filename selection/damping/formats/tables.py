@@ -12,7 +12,8 @@ import numpy as np
 
 from damping.errors import InputError
 from damping.formats import find_format
-from damping.formats.arrays import list_members, read_arrays
+from damping.formats.array_series import list_members
+from damping.formats.arrays import read_arrays
 from damping.formats.columns import TextTable, open_table
 from damping.formats.headers import ColumnHeader
 from damping.formats.levels import ArrayTable, find_level, split_levels

@@ -12,7 +12,7 @@ from math import pi
 import numpy as np
 
 from damping.arrays import ComplexArray, FloatArray
-from damping.records.resonance import ROWS_ASIDE, like_pairs, weighted_median
+from damping.records.pairs import ROWS_ASIDE, like_pairs, weighted_median
 from damping.records.runs import FALL, FEWEST_ROWS, NO_PARABOLA, NOISE_BESIDE_FALL, Run, fit_parabola, has_resonance
 
 

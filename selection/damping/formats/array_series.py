@@ -1,0 +1,190 @@
+"""Arrays and channels of a file, as ``arrays`` reads them, to series: by role, against an abscissa or as sampled."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from damping.arrays import FloatArray
+from damping.errors import InputError
+from damping.formats.arrays import Arrays, read_arrays
+from damping.formats.headers import ABSCISSAS, NAMES, ROLES, describe_angle, refuse_decibels
+from damping.formats.named import UNIT_OF, list_units, note_unheeded_units, to_series
+from damping.formats.quantity import find_powers
+from damping.formats.sampling import SAMPLING, Shapes, find_abscissa, find_nearest, last_name, list_times, split
+from damping.formats.series import FileFacts, Samples, Series, Stated, Summary, require_response
+from damping.records.text import describe_shortened
+
+
+def list_array_series(
+    path: str | Path, kind: str, stated: Stated, summary: Summary, max_size: int, rows: tuple[int, int] | None = None
+) -> list[Series]:
+    """Series of a file of named arrays or channels; ``rows`` as of ``read_arrays``."""
+    read_whole, first = partial(read_arrays, path, kind, max_size=max_size), rows[0] if rows else 0
+    read = partial(read_whole, rows=rows)
+    channels = kind in ("tdms", "lvm")
+    defaults = [] if channels else [name for names in NAMES["own"].values() for name in names]
+    contents = read(list(stated.columns.values()) or defaults)
+    if kind == "hdf5" and not contents.arrays:  # as of a controller, whose channels are read if no array is named
+        contents = read([])
+        channels = bool(contents.steps)
+    if channels and (contents.steps or stated.rate or kind == "lvm"):
+        return list_channels(contents, stated, summary)
+    names = {} if channels and not stated.columns else _name_arrays(contents, stated)
+    if further := [name for name in names.values() if name not in contents.arrays]:
+        contents = contents.join(read(further))
+    if stated.rate is not None and set(ABSCISSAS) & set(names):
+        raise InputError("--rate beside an array of times or frequencies", expected="one of them")
+    main = next((names[role] for role in ("response", "amplitude", "x") if role in names), "")
+    usual = {} if set(names) & set(ABSCISSAS) else find_abscissa(contents.known, main)
+    require_response(names | usual, contents.known, stated, many=kind == "hdf5")
+    arrays = contents.arrays
+    if names.keys().isdisjoint(ABSCISSAS):
+        signal = arrays[main][0]
+        if stated.rate is None:
+            sampled = _find_sampled(read_whole, signal, main, contents.known, first)
+        else:
+            if sampling := [array for array in contents.known if last_name(array) in SAMPLING]:
+                summary.note(f"--rate {stated.rate:g} is stated, beside {', '.join(sampling[:4])} in the file")
+            sampled = "time", f"--rate {stated.rate:g}", list_times("fs", stated.rate, max(signal.shape), first)
+        if sampled is not None:
+            role, name, values = sampled
+            names, arrays = names | {role: name}, arrays | {name: [values]}
+        elif usual:
+            names, contents = names | usual, contents.join(read(list(usual.values())))
+            arrays = contents.arrays
+    for role, name in names.items():
+        if role in UNIT_OF:
+            refuse_decibels(role, f"{name} {contents.units.get(name, '')}".strip())
+        _add_array(role, name, arrays[name], stated, summary)
+    texts = {role: contents.units[name] for role, name in names.items() if name in contents.units}
+    angles = {role: angle for role, text in texts.items() if (angle := describe_angle(text))}
+    note_unheeded_units(names, stated, summary)
+    facts = FileFacts(units=list_units(texts, stated), angles=angles)
+    return _list_each(names, arrays, facts, Path(path).stem, summary)
+
+
+def _name_arrays(contents: Arrays, stated: Stated) -> dict[str, str]:
+    """Names of arrays by role: as stated, and of an abscissa that has the name of its role; else those so called.
+
+    InputError: a stated array that the file does not have, or none has the name of a role.
+    """
+    arrays, known = contents.arrays, contents.known
+    if not stated.columns:
+        if names := {role: name for role, by_role in NAMES["own"].items() for name in by_role if name in arrays}:
+            return names
+        groups = "damping campaign, which reads a group for each run, or " * any("/" in name for name in known)
+        expected = f"{groups}--column ROLE=NAME; it has {_has(known)}"
+        raise InputError("no array has the name of a role", expected=expected)
+    names = {role: _find_whole_name(name, arrays) for role, name in stated.columns.items()}
+    if (missing := next((name for name in names.values() if name not in arrays), None)) is not None:
+        raise InputError(f"no array {describe_shortened(missing)!r}", expected=_has(known))
+    if names.keys().isdisjoint(ABSCISSAS) and not stated.rate:
+        names |= {role: role for role in ABSCISSAS if known.get(role)}
+    return names
+
+
+def _add_array(role: str, name: str, arrays: Sequence[Samples], stated: Stated, summary: Summary) -> None:
+    """Say in the summary which array has a role, and its shape."""
+    shape = " x ".join(str(n) for n in arrays[0].shape) or "1"
+    many = f"{len(arrays)} of " if len(arrays) > 1 else ""
+    source = "stated" if role in stated.columns else "by its name"
+    summary.add(f"array {describe_shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", source)
+
+
+def _find_whole_name(name: str, arrays: Mapping[str, Any]) -> str:
+    """The path of an array that is named by its last part, if there is one alone; else the name."""
+    ends = [path for path in arrays if path.split("/")[-1] == name]
+    return ends[0] if len(ends) == 1 and name not in arrays else name
+
+
+def _find_sampled(
+    read: Callable[[Sequence[str]], Arrays], signal: Samples, main: str, known: Shapes, first: int
+) -> tuple[str, str, FloatArray] | None:
+    """Role, name and values of an even abscissa, by a number in the file near the array ``main``; None if none is.
+
+    Of a complex response it is the frequency, by its increment. ``first``: sample with which the signal begins.
+    """
+    kinds = NAMES["rate"]["increment"] if np.iscomplexobj(signal) else SAMPLING
+    name = find_nearest([one for one in known if math.prod(known[one]) == 1 and last_name(one) in kinds], main)
+    if name is None:
+        return None
+    names, is_increment = [name], last_name(name) in NAMES["rate"]["increment"]
+    beside = [one for one in known if is_increment and split(one)[:-1] == split(name)[:-1]]
+    names += [one for one in beside if last_name(one) in NAMES["rate"]["start"]]
+    numbers = read(names).arrays
+    step, start = (float(numbers[one][0].real.reshape(-1)[0]) for one in (name, names[-1]))
+    role = "frequency" if np.iscomplexobj(signal) else "time"
+    return role, name, (start if len(names) > 1 else 0.0) + list_times(name, step, max(signal.shape, default=1), first)
+
+
+def _list_each(
+    names: Mapping[str, str], arrays: Mapping[str, list[Samples]], facts: FileFacts, stem: str, summary: Summary
+) -> list[Series]:
+    """Series from arrays; a role has one array for each sweep, or a single one for all."""
+    sweeps = list_members(list(names.values()), arrays)
+    series: list[Series] = []
+    for k, values in enumerate(sweeps, 1):
+        of_role = dict(zip(names, values, strict=True))
+        labels = [f"{value:g}" for value in of_role.pop("sweep").real.reshape(-1)] if "sweep" in of_role else None
+        series += to_series(of_role, labels, facts, stem if len(sweeps) == 1 else f"{stem} {k}", summary, peak=True)
+    return series
+
+
+def list_members(names: Sequence[str], arrays: Mapping[str, list[Samples]]) -> list[list[Samples]]:
+    """The arrays of some names, sweep by sweep: of a name one for each, or a single one for all.
+
+    InputError: another number of arrays.
+    """
+    count = max(len(arrays[name]) for name in names)
+    for name in names:
+        if len(arrays[name]) not in (1, count):
+            what = f"{len(arrays[name])} arrays {describe_shortened(name)!r} beside {count} of others"
+            raise InputError(what, expected=f"1 or {count}")
+    return [[arrays[name][min(k, len(arrays[name]) - 1)] for name in names] for k in range(count)]
+
+
+def list_channels(contents: Arrays, stated: Stated, summary: Summary) -> list[Series]:
+    """Time histories of a file of channels with time steps."""
+    unheeded = next((role for role in stated.columns if role != "response"), None)
+    if unheeded:
+        raise InputError(f"--column {unheeded} of a file of channels", expected="--column response=NAME")
+    asked = stated.columns.get("response")
+    names = [name for name in contents.arrays if asked in (None, name) or name.split("/")[-1] == asked]
+    if not names:
+        raise InputError(f"no channel {describe_shortened(asked or '')!r}", expected=_has(contents.known))
+    for name in names:
+        if name not in contents.steps and stated.rate is None:
+            raise InputError(f"channel {name!r} has no time step", expected="--rate HZ, or --column response=NAME")
+        if stated.rate and (step := contents.steps.get(name, (0.0, 0.0))[1]):
+            summary.note(f"--rate {stated.rate:g} is stated, beside a step of {step:g} s in the file")
+        description = f"{contents.arrays[name][0].size} samples, step {_find_step(name, contents, stated)[1]:g} s"
+        summary.add(f"channel {describe_shortened(name)!r}", description, "found in the file")
+    kinds = {find_powers(contents.units[name]) for name in names if name in contents.units and not stated.units}
+    if len(kinds) > 1:
+        listed = ", ".join(f"{name} ({contents.units.get(name, 'no unit')})" for name in names[:8])
+        raise InputError(f"channels of several kinds: {listed}", expected="--column response=NAME")
+    series = []
+    for name in names:
+        start, step = _find_step(name, contents, stated)
+        values = np.asarray(contents.arrays[name][0], dtype=np.float64).reshape(-1)
+        facts = FileFacts(units={"response": contents.units[name]} if name in contents.units else {})
+        t = np.arange(contents.first, contents.first + len(values), dtype=np.float64)
+        t *= step  # in place: a file may have many samples
+        t += start
+        series.append(Series(name, t, values, is_time=True, has_phase=False, facts=facts))
+    return series
+
+
+def _find_step(name: str, contents: Arrays, stated: Stated) -> tuple[float, float]:
+    """Start and step of a channel, s; a stated rate takes precedence."""
+    start, step = contents.steps.get(name, (0.0, 0.0))
+    return start, step if stated.rate is None else 1.0 / stated.rate
+
+
+def _has(known: Shapes) -> str:
+    listed = ", ".join(f"{name} ({' x '.join(map(str, shape)) or '1'})" for name, shape in list(known.items())[:12])
+    return listed or "arrays of numbers"
