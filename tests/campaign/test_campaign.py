@@ -533,6 +533,26 @@ def test_times_of_a_decay_may_be_in_ms(tmp_path):
     np.testing.assert_allclose(read_runs([path], SIZE)[0][0].x, 1e-3 * np.arange(50), rtol=1e-12)
 
 
+@pytest.mark.parametrize(("unit", "per_second"), [("s", 1.0), ("ms", 1e3)])
+def test_times_of_a_group_have_their_unit(tmp_path, unit, per_second):
+    """A sine swept from 20 to 40 Hz in 10 s; times in ms were taken for seconds."""
+    t = np.arange(20_000) / 2000.0
+    phase = 2.0 * np.pi * (20.0 * t + t**2)
+    columns = {
+        "time": (per_second * t, unit),
+        "force": (np.sin(phase), "N"),
+        "tip": (2.0 * np.sin(phase - 0.3), "m/s^2"),
+    }
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        run = file.create_group("run_1N")
+        for name, (values, text) in columns.items():
+            run[name] = values
+            run[name].attrs["units"] = text
+    (run,), _ = read_runs([tmp_path / "a.h5"], 10 * SIZE)
+    assert 20.0 < run.x[0] < 21.0  # the first and the last rows are averages over some periods
+    assert 39.0 < run.x[-1] < 40.0
+
+
 def test_several_control_channels_are_averaged_or_the_largest_is_taken(tmp_path):
     path = tmp_path / "c.h5"
     with h5py.File(path, "w") as file:

@@ -27,7 +27,7 @@ from damping.errors import InputError, naming
 from damping.formats import check, detect_format
 from damping.formats.arrays import Arrays, read_arrays, read_blocks
 from damping.formats.columns import open_table
-from damping.formats.headers import ROLE_NAMES
+from damping.formats.headers import ROLE_NAMES, find_abscissa_factor
 from damping.formats.levels import find_level
 from damping.formats.quantity import unit
 from damping.formats.series import Stated, Summary
@@ -150,7 +150,7 @@ def _list_group_runs(source: Source, contents: Arrays) -> list[CampaignRun]:
 def _track_group(source: Source, group: str, t: str, drive: str, paths: Sequence[str]) -> CampaignRun:
     """The run of a group with times (at the path ``t``), a drive and responses of one length."""
     first = read_arrays(source.file, "hdf5", paths, None, rows=(0, 1000))
-    step = np.diff(first.arrays[t][0].real.reshape(-1))
+    step = np.diff(first.arrays[t][0].real.reshape(-1)) * find_abscissa_factor("time", first.units.get(t, ""))
     if not len(step) or not np.all(np.abs(step / np.mean(step) - 1.0) < UNEVEN):
         raise InputError(f"{t} is not evenly spaced", expected="one step throughout, rising")
     units = {path: first.units.get(path, "") for path in paths if path != t}
