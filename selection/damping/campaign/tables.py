@@ -20,12 +20,13 @@ from damping.campaign.tracked import Source
 from damping.errors import InputError
 from damping.formats.conversion import SCALINGS
 from damping.formats.levels import find_level
+from damping.formats.named import list_units, require_linear, to_series
 from damping.formats.quantity import find_powers, unit
 from damping.formats.sensors import SensorColumns, group_columns
-from damping.formats.series import Samples, Series, Summary, require_finite
+from damping.formats.series import FileFacts, Samples, Series, Summary, require_finite
 from damping.formats.steady import FOLLOWS, measure_turn
 from damping.formats.sweeps import join_refined
-from damping.formats.tables import SensorTable, list_reading_series, read_tables
+from damping.formats.tables import SensorTable, read_tables
 from damping.records.keys import LARGEST
 from damping.records.text import count, describe_shortened
 
@@ -46,12 +47,22 @@ class _Content:
     source: Source
 
     def list_series(self, reading: SensorColumns, drive: SensorColumns | None) -> list[Series]:
-        """The series of a sensor or drive, one for each sweep, each with the ``drive``."""
+        """The series of a sensor or drive, one for each sweep, each with the ``drive``.
+
+        InputError: decibels, parts in different units, or values that cannot be of these roles.
+        """
         roles = {role: place for role, place in self.table.rows.items() if role != "sweep"} | dict(reading.roles)
         if drive is not None:
             roles |= {f"force_{r}": drive.roles[r] for r in "xy"} if "x" in drive.roles else {"force": drive.main}
-        stated, summary = self.source.facts, self.source.summary
-        return list_reading_series(self.table, roles, self.values, self.labels, stated, summary)
+        headers = {role: self.table.headers[place] for role, place in roles.items()}
+        require_linear(headers)
+        facts = FileFacts(
+            units=list_units({role: header.unit for role, header in headers.items() if header.unit}, self.source.facts),
+            angles={role: header.angle for role, header in headers.items() if header.angle},
+        )
+        arrays = {role: self.values[place] for role, place in roles.items()}
+        with np.errstate(all="ignore"):  # rows without finite numbers are left out
+            return to_series(arrays, self.labels, facts, self.table.label, self.source.summary, peak=True)
 
     def find_unit(self, reading: SensorColumns, what: str, usual: str = "") -> str:
         """Unit of a reading: as stated, else in its header, else the ``usual`` one. InputError: it has none."""

@@ -17,10 +17,9 @@ from damping.formats.arrays import read_arrays
 from damping.formats.columns import TextTable, open_table
 from damping.formats.headers import ColumnHeader
 from damping.formats.levels import ArrayTable, find_level, split_levels
-from damping.formats.named import list_units, require_linear, to_series
 from damping.formats.sampling import split
 from damping.formats.sensors import describe_array, find_setting
-from damping.formats.series import MOST_SWEEPS, FileFacts, Samples, Series, Stated, Summary
+from damping.formats.series import MOST_SWEEPS, Samples, Stated, Summary
 from damping.formats.workbook import list_sheets
 from damping.records.text import describe_shortened, read_bytes
 
@@ -134,18 +133,14 @@ def _list_array_tables(path: Path, kind: str, stated: Stated, max_size: int) -> 
     return tables if is_named else [replace(tables[0], label=path.stem)]
 
 
-def _leaf(name: str) -> str:
-    return split(name)[-1]
-
-
 def _names(known: Iterable[str]) -> set[str]:
     """Names of arrays, with and without their groups."""
-    return {*known, *map(_leaf, known)}
+    return {*known, *(split(name)[-1] for name in known)}
 
 
 def _find_rows(names: Sequence[str], stated: Stated) -> dict[str, int]:
     """Arrays of the roles ``SETTING`` in a group, stated ones if they are in it."""
-    there = {role: _leaf(name) for role, name in stated.columns.items() if _names([name]) & _names(names)}
+    there = {role: split(name)[-1] for role, name in stated.columns.items() if _names([name]) & _names(names)}
     return find_setting([describe_array(name, "") for name in names], there)
 
 
@@ -185,26 +180,3 @@ def _split_sensors(
             name = f"{header.name}(:,{k})" if across else f"{header.name}{row}"
             parts.append((replace(header, text=name, name=name, title=name), part))
     return parts
-
-
-def list_reading_series(
-    table: SensorTable,
-    roles: Mapping[str, int],
-    values: Mapping[int, Samples],
-    labels: Sequence[str] | None,
-    stated: Stated,
-    summary: Summary,
-) -> list[Series]:
-    """The series of a sensor or drive, one for each sweep; ``roles``: its columns, frequency and force included.
-
-    InputError: decibels, parts in different units, or values that cannot be of these roles.
-    """
-    headers = {role: table.headers[place] for role, place in roles.items()}
-    require_linear(headers)
-    facts = FileFacts(
-        units=list_units({role: header.unit for role, header in headers.items() if header.unit}, stated),
-        angles={role: header.angle for role, header in headers.items() if header.angle},
-    )
-    arrays = {role: values[place] for role, place in roles.items()}
-    with np.errstate(all="ignore"):  # rows without finite numbers are left out
-        return to_series(arrays, labels, facts, table.label, summary, peak=True)

@@ -1,6 +1,7 @@
 """Check of levels against each other: amplitudes that fall with force, and masses that differ."""
 
 from dataclasses import dataclass
+from itertools import combinations
 from math import log
 
 import numpy as np
@@ -174,9 +175,8 @@ def _find_shared(x: FloatArray, far: float, anchor: float) -> float:
 
 def _find_exchanged(odd: list[OddMass]) -> tuple[OddMass, ...]:
     """Two levels whose forces, each divided by its factor, are those of each other; empty if there are none."""
-    for k, first in enumerate(odd):
-        for second in odd[k + 1 :]:
-            apart = np.log([first.force / first.factor / second.force, second.force / second.factor / first.force])
-            if np.abs(apart).max() < log(FORCE_STEP):
-                return first, second
+    for first, second in combinations(odd, 2):
+        apart = np.log([first.force / first.factor / second.force, second.force / second.factor / first.force])
+        if np.abs(apart).max() < log(FORCE_STEP):
+            return first, second
     return ()
