@@ -44,7 +44,8 @@ _OF_A_FAST_SWEEP = ("several-modes", "phase-offset", "beyond-model", "edge-of-sw
 #: Every check with the checks that its finding suppresses, causes before effects: a record with force and response
 #: exchanged has no resonance either, which is then not reported.
 CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
-    (check_units.check_exchange, _EVERYTHING),
+    (check_units.check_exchanged_frequency, _EVERYTHING),
+    (check_units.check_exchanged_response, _EVERYTHING),
     (check_edges.check_noise, _EVERYTHING),
     (check_sweeps.check_outlier, ("beyond-model",)),
     (check_copies.check_copied_rows, ("several-modes", "sensor-saturation")),
@@ -59,6 +60,7 @@ CHECKS: tuple[tuple[Callable[[View], Finding | None], tuple[str, ...]], ...] = (
     (check_edges.check_jump, ()),
     (check_edges.check_coarse, ()),
     (check_units.check_energy, ()),
+    (check_units.check_frequency_unit, ("beyond-model", "units", *_OF_LEVELS)),
     (check_units.check_units, ("beyond-model", "units", *_OF_LEVELS)),
     (check_units.check_velocity, ()),
     (check_mode_file.check_tolerances, ()),

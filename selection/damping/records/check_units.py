@@ -10,8 +10,9 @@ from math import inf, log, pi
 import numpy as np
 
 from damping.arrays import INCH_M, POUND_FORCE_N, STANDARD_GRAVITY_M_S2, STANDARD_GRAVITY_REPORT_IN_S2, FloatArray
-from damping.records.mode import Mode, Units
+from damping.records.mode import Units
 from damping.records.record import energy_per_cycle
+from damping.records.runs import Run
 from damping.records.view import Finding, View, label_sweeps, name_sweeps, take_median
 
 #: Factors by which a quantity in a wrong unit is off, by the mistake.
@@ -68,38 +69,44 @@ LIKE_LEVEL = 0.3
 #: notches, and forces that fall at resonance, are not.
 AT_TOP = 0.9
 TOGETHER = 0.95  #: least correlation of their logarithms
+FEWEST_OF_PEAK = 5  #: fewest rows that show whether a force is such a response
 
 
-def check_exchange(view: View) -> Finding | None:
-    """Force exchanged with the response or the frequency.
-
-    Exchanged with the response, the force peaks where the column ratio amplitude over force is least. Exchanged with
-    the frequency, every force is near the mode's frequency, and frequencies are levels: one for each sweep, far apart.
-    """
-    if view.mode is not None:
-        apart, frequency = (np.log(view.record.column(name) / view.mode.frequency) for name in ("force", "frequency"))
-        levels = view.record.frame.groupby("sweep")["frequency"].nunique().max() == 1
-        if levels and np.abs(apart).max() < log(NEAR_THE_MODE) and np.ptp(frequency) > 2.0 * log(NEAR_THE_MODE):
-            what = "every force is near the frequency of the mode file, and the frequencies look like force levels"
-            advice = "are the columns force and frequency exchanged?"
-            return Finding("units", "refuse", what, advice, view.record.sweeps)
-    tops = []
-    for run in view.raw:
-        if len(run) < 5:
-            continue
-        F, g = np.log(run.F), -run.compliance
-        top = int(np.argmax(F))
-        inside = 0 < top < len(run) - 1 and min(F[top] - F[0], F[top] - F[-1]) > log(LIKE_PEAK)
-        steady = np.ptp(np.log(run.A)) < LIKE_LEVEL * np.ptp(F)
-        if inside and steady and g[top] > np.quantile(g, AT_TOP) and np.corrcoef(F, g)[0, 1] > TOGETHER:
-            tops.append(run)
-    if len(tops) < max(1, 0.5 * sum(len(run) >= 5 for run in view.raw)):
+def check_exchanged_response(view: View) -> Finding | None:
+    """Force exchanged with the response: it peaks where the column ratio amplitude over force is least."""
+    long_runs = [run for run in view.raw if len(run) >= FEWEST_OF_PEAK]
+    tops = [run for run in long_runs if _peaks_as_response(run)]
+    if len(tops) < max(1, 0.5 * len(long_runs)):
         return None
     what = f"the force passes through a maximum in {name_sweeps(label_sweeps(tops))} while the response stays the same"
     return Finding("units", "refuse", what, "are the columns force and amplitude exchanged?", label_sweeps(tops))
 
 
+def _peaks_as_response(run: Run) -> bool:
+    """Whether the force of a run is the response, and what stands for the response is the force."""
+    F, g = np.log(run.F), -run.compliance
+    top = int(np.argmax(F))
+    inside = 0 < top < len(run) - 1 and min(F[top] - F[0], F[top] - F[-1]) > log(LIKE_PEAK)
+    steady = np.ptp(np.log(run.A)) < LIKE_LEVEL * np.ptp(F)
+    return bool(inside and steady and g[top] > np.quantile(g, AT_TOP) and np.corrcoef(F, g)[0, 1] > TOGETHER)
+
+
 NEAR_THE_MODE = 1.3  #: factor of the mode's frequency within which the resonances of all levels lie
+
+
+def check_exchanged_frequency(view: View) -> Finding | None:
+    """Force exchanged with the frequency: every force is near the mode's frequency, and frequencies are levels.
+
+    There is then one frequency for each sweep, and they are far apart.
+    """
+    if view.mode is None:
+        return None
+    apart, frequency = (np.log(view.record.column(name) / view.mode.frequency) for name in ("force", "frequency"))
+    levels = view.record.frame.groupby("sweep")["frequency"].nunique().max() == 1
+    if not levels or np.abs(apart).max() >= log(NEAR_THE_MODE) or np.ptp(frequency) <= 2.0 * log(NEAR_THE_MODE):
+        return None
+    what = "every force is near the frequency of the mode file, and the frequencies look like force levels"
+    return Finding("units", "refuse", what, "are the columns force and frequency exchanged?", view.record.sweeps)
 
 
 def check_energy(view: View) -> Finding | None:
@@ -150,6 +157,26 @@ ENERGY_OF_ALL = 1.15
 NEAR_RESONANCE = 0.7  #: sine of a phase above which phase noise hardly changes the energy
 ENERGY_SHORT = 3.0  #: an energy at resonance smaller than pi F A by this factor is wrong: there they are equal
 
+
+def check_frequency_unit(view: View) -> Finding | None:
+    """Sweeps, all or some of them, that resonate at the mode's frequency in another unit."""
+    if view.mode is None:
+        return None
+    ratio = view.implied["frequency"].to_numpy(dtype=np.float64) / view.mode.frequency
+    named = [name_factor(value, FREQUENCY_FACTORS, within=0.06) for value in ratio]
+    other = [k for k, name in enumerate(named) if name]
+    if not other:
+        return None
+    sweeps = tuple(view.implied["sweep"].astype(str).iloc[other])
+    which, advice = "the record resonates", "give both in Hz"
+    if len(other) < len(named):
+        which = f"{name_sweeps(sweeps)} resonate{'s' * (len(other) == 1)}"
+        advice = "give every frequency in Hz, or leave the rows of another mode out"
+    factor = float(np.median(ratio[other]))
+    what = f"{which} at {factor:.4g} times the frequency of the mode file ({named[other[0]]}?)"
+    return Finding("units", "refuse", what, advice, sweeps)
+
+
 LEAST_RATIO = 1e-6  #: least damping ratio of a structure: single crystals in a vacuum have more
 SMALL_RATIO = 1e-4  #: less than assembled structures have in air: a wrong unit is more likely
 LARGEST_RATIO = 0.5  #: largest damping ratio of a structure that has a resonance to sweep over
@@ -168,8 +195,6 @@ def check_units(view: View) -> Finding | None:
     """Record and mode in different systems of units, by the implied mass, else by the damping."""
     if view.mode is None:
         return None
-    if finding := _find_other_frequency(view, view.mode):
-        return finding
     ratio, zeta = view.mass_ratio, take_median(view.implied["damping_ratio"])
     bent = not view.straight and ratio > 0.0 and abs(log(ratio)) < log(OTHER_SYSTEM_BENT)
     base = view.mode.drive == "base"
@@ -194,23 +219,6 @@ def check_units(view: View) -> Finding | None:
         name = name_unit(ratio if wrong else zeta / (view.mode.viscous_ratio or 0.01), view.mode.units)
     advice = "state force, amplitude, mass in one system" + (f": {name}?" if name else "")
     return Finding("units", "refuse", "; ".join(parts), advice, view.record.sweeps)
-
-
-def _find_other_frequency(view: View, mode: Mode) -> Finding | None:
-    """Sweeps, all or some of them, that resonate at the mode's frequency in another unit."""
-    ratio = view.implied["frequency"].to_numpy(dtype=np.float64) / mode.frequency
-    named = [name_factor(value, FREQUENCY_FACTORS, within=0.06) for value in ratio]
-    other = [k for k, name in enumerate(named) if name]
-    if not other:
-        return None
-    sweeps = tuple(view.implied["sweep"].astype(str).iloc[other])
-    which, advice = "the record resonates", "give both in Hz"
-    if len(other) < len(named):
-        which = f"{name_sweeps(sweeps)} resonate{'s' * (len(other) == 1)}"
-        advice = "give every frequency in Hz, or leave the rows of another mode out"
-    factor = float(np.median(ratio[other]))
-    what = f"{which} at {factor:.4g} times the frequency of the mode file ({named[other[0]]}?)"
-    return Finding("units", "refuse", what, advice, sweeps)
 
 
 #: Metres in the units of length that a mode file may name.
