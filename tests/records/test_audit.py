@@ -14,9 +14,10 @@ from audit_cases import Bench, at_one_amplitude, clean, decay, measured, peaks, 
 import damping as dp
 from damping.records import NAMES, audit
 from damping.records.check_sweeps import CURVED, DRAGGED
-from damping.records.implied import classify_phase, find_implied
+from damping.records.implied import find_implied
 from damping.records.mode import Mode, Repeatability, Tolerance, Units, read_mode
 from damping.records.outliers import find_misplaced_rows
+from damping.records.phase_kinds import classify_phase
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances

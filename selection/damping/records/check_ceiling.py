@@ -15,8 +15,7 @@ from math import log
 import numpy as np
 
 from damping.arrays import FloatArray
-from damping.records.implied import Implied
-from damping.records.leg import Leg
+from damping.records.implied import Implied, Leg
 from damping.records.runs import Run, fit_parabola
 from damping.records.view import Finding, View, label_sweeps, name_sweeps
 

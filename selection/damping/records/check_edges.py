@@ -5,7 +5,7 @@ from math import log
 import numpy as np
 
 from damping.records.check_labels import find_mixed_levels
-from damping.records.implied import SMOOTH
+from damping.records.phase_kinds import SMOOTH
 from damping.records.resonance import find_jump
 from damping.records.runs import FEWEST_ROWS, Run, order_rows
 from damping.records.view import MOST_NAMED, Finding, View, label_sweeps, name_sweeps

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import BoolArray, FloatArray
-from damping.records.leg import Leg
+from damping.records.implied import Leg
 from damping.records.view import Finding, NamedFinding, View, name_sweeps, take_median
 
 FORCE_STEP = 1.1  #: levels are compared if their forces differ by this factor

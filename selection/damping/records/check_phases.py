@@ -5,8 +5,8 @@ from math import pi
 import numpy as np
 
 from damping.effects.rig import LARGEST_LAG
-from damping.records.implied import Implied, is_in_turns
-from damping.records.leg import SURE_OF_LINE
+from damping.records.implied import SURE_OF_LINE, Implied
+from damping.records.phase_kinds import is_in_turns
 from damping.records.view import MOST_OFFSET, Finding, NamedFinding, View, label_sweeps, name_sweeps
 
 

@@ -3,9 +3,10 @@
 from math import log, pi
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
-from damping.records.implied import INCOHERENT, NEAR
+from damping.records.implied import NEAR
 from damping.records.other_modes import is_of_other_modes, is_split
 from damping.records.outliers import ISOLATED
+from damping.records.phase_kinds import INCOHERENT
 from damping.records.runs import Run, count_beats, find_run_peaks
 from damping.records.view import Finding, NamedFinding, View, label_sweeps, name_sweeps, take_median
 

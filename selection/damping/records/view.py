@@ -11,19 +11,11 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, wrap_lag
 from damping.forces import damping_ratio
-from damping.records.implied import (
-    AS_LAG,
-    Implied,
-    classify_phase,
-    detect_rate,
-    find_implied,
-    has_antiresonance,
-    is_incoherent,
-)
-from damping.records.leg import Leg
+from damping.records.implied import Implied, Leg, detect_rate, find_implied
 from damping.records.mode import Mode
 from damping.records.odd_levels import OddLevel, find_odd_level
 from damping.records.outliers import find_isolated_rows, find_misplaced_rows
+from damping.records.phase_kinds import AS_LAG, classify_phase, has_antiresonance, is_incoherent
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
 from damping.records.rows import list_rates
