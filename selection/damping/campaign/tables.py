@@ -20,10 +20,10 @@ from damping.campaign.tracked import Source
 from damping.errors import InputError
 from damping.formats.conversion import SCALINGS
 from damping.formats.levels import find_level
-from damping.formats.named import list_units, require_linear, to_series
+from damping.formats.named import read_facts, require_linear, to_series
 from damping.formats.quantity import find_powers, unit
 from damping.formats.sensors import SensorColumns, group_columns
-from damping.formats.series import FileFacts, Samples, Series, Summary, require_finite
+from damping.formats.series import Samples, Series, Summary, require_finite
 from damping.formats.steady import FOLLOWS, measure_turn
 from damping.formats.sweeps import join_refined
 from damping.formats.tables import SensorTable, read_tables
@@ -56,11 +56,8 @@ class _Content:
             roles |= {f"force_{r}": drive.roles[r] for r in "xy"} if "x" in drive.roles else {"force": drive.main}
         headers = {role: self.table.headers[place] for role, place in roles.items()}
         require_linear(headers)
-        facts = FileFacts(
-            units=list_units({role: header.unit for role, header in headers.items() if header.unit}, self.source.facts),
-            angles={role: header.angle for role, header in headers.items() if header.angle},
-        )
         arrays = {role: self.values[place] for role, place in roles.items()}
+        facts = read_facts(headers, self.source.facts)
         with np.errstate(all="ignore"):  # rows without finite numbers are left out
             return to_series(arrays, self.labels, facts, self.table.label, self.source.summary, peak=True)
 

@@ -20,13 +20,13 @@ from damping.formats.array_series import list_array_series, list_channels
 from damping.formats.cells import DECIMALS, DELIMITERS
 from damping.formats.columns import Layout, TextTable, open_table
 from damping.formats.conversion import RESPONSES, SCALINGS
-from damping.formats.headers import ABSCISSAS, NAMES, ROLES
+from damping.formats.headers import ABSCISSAS, NAMES, ROLES, ColumnHeader
 from damping.formats.levels import ArrayTable, read_levels, split_levels
-from damping.formats.named import UNIT_OF, list_units, note_unheeded_units, require_linear, to_series
+from damping.formats.named import UNIT_OF, note_unheeded_units, read_facts, require_linear, to_series
 from damping.formats.quantity import SYSTEMS
 from damping.formats.roles import find_roles
 from damping.formats.sampling import find_rows
-from damping.formats.series import FileFacts, Series, Stated, Summary, require_response
+from damping.formats.series import Series, Stated, Summary, require_response
 from damping.formats.sweeps import join_refined
 from damping.formats.uff import read_uff
 from damping.formats.wave import read_wav
@@ -144,21 +144,21 @@ def _list_table_series(
     scaling = next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "response" and h.scaling), None)
     force_scaling = next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "force" and h.scaling), None)
     silent = {"response": scaling is None, "force": force_scaling is None and scaling not in (None, "peak")}
-    label, units = Path(path).stem, {role: header.unit for role, header in headers.items() if header.unit}
+    label = Path(path).stem
     if table.level is not None:
         level, unit = table.level
         label = f"{level:g} {unit}"
         if not {"force", "force_x"} & set(numbers):
-            units["force"], numbers["force"] = unit, np.full(len(next(iter(numbers.values()))), level)
+            headers["force"] = ColumnHeader("force", "force", unit)
+            numbers["force"] = np.full(len(next(iter(numbers.values()))), level)
             summary.note("caution: the level in the names of columns is taken as the drive in every row")
     note_unheeded_units(numbers, stated, summary)
-    facts = FileFacts(
-        units=list_units(units, stated),
+    facts = replace(
+        read_facts(headers, stated),
         response=response or None,
         scaling=scaling,
         peak_assumed=[what for what, says_nothing in silent.items() if says_nothing and response is not None],
         force_scaling=force_scaling,
-        angles={role: header.angle for role, header in headers.items() if header.angle},
     )
     return to_series(numbers, labels, facts, label, summary, peak=kind == "csv")
 

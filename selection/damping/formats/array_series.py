@@ -11,8 +11,8 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.arrays import Arrays, read_arrays
-from damping.formats.headers import ABSCISSAS, NAMES, ROLES, describe_angle, refuse_decibels
-from damping.formats.named import UNIT_OF, list_units, note_unheeded_units, to_series
+from damping.formats.headers import ABSCISSAS, NAMES, ROLES, ColumnHeader
+from damping.formats.named import note_unheeded_units, read_facts, require_linear, to_series
 from damping.formats.quantity import find_powers
 from damping.formats.sampling import SAMPLING, Shapes, find_abscissa, find_nearest, last_name, list_times, split
 from damping.formats.series import FileFacts, Samples, Series, Stated, Summary, require_response
@@ -56,15 +56,13 @@ def list_array_series(
         elif usual:
             names, contents = names | usual, contents.join(read(list(usual.values())))
             arrays = contents.arrays
+    units = {role: contents.units.get(name, "") for role, name in names.items()}
+    headers = {role: ColumnHeader(f"{names[role]} {text}".strip(), names[role], text) for role, text in units.items()}
+    require_linear(headers)
     for role, name in names.items():
-        if role in UNIT_OF:
-            refuse_decibels(role, f"{name} {contents.units.get(name, '')}".strip())
         _add_array(role, name, arrays[name], stated, summary)
-    texts = {role: contents.units[name] for role, name in names.items() if name in contents.units}
-    angles = {role: angle for role, text in texts.items() if (angle := describe_angle(text))}
     note_unheeded_units(names, stated, summary)
-    facts = FileFacts(units=list_units(texts, stated), angles=angles)
-    return _list_each(names, arrays, facts, Path(path).stem, summary)
+    return _list_each(names, arrays, read_facts(headers, stated), Path(path).stem, summary)
 
 
 def _name_arrays(contents: Arrays, stated: Stated) -> dict[str, str]:

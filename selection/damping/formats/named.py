@@ -229,33 +229,25 @@ UNIT_OF = (
 )
 
 
-def require_alike(texts: Mapping[str, str]) -> None:
-    """Raise InputError if the parts of a phasor have different units or scalings; ``texts``: of roles that have one."""
-    for parts in (("x", "y"), ("force_x", "force_y")):
-        named = {role: texts[role] for role in parts if texts.get(role)}
-        if len(set(named.values())) > 1:
-            raise InputError(" and ".join(f"{role} in {text}" for role, text in named.items()), expected="one unit")
-
-
 def require_linear(headers: Mapping[str, ColumnHeader]) -> None:
-    """Raise InputError if columns by role are in decibels, or parts of a phasor in different units or scalings."""
+    """Raise InputError for columns or arrays in decibels, or parts of a phasor in different units or scalings."""
     for role, header in headers.items():
         if role in UNIT_OF:
             refuse_decibels(role, header.text)
-    require_alike({role: f"{header.unit} {header.scaling or ''}".strip() for role, header in headers.items()})
+    for parts in (("x", "y"), ("force_x", "force_y")):
+        both = ((role, headers[role]) for role in parts if role in headers)
+        texts = {role: f"{header.unit} {header.scaling or ''}".strip() for role, header in both}
+        if len({text for text in texts.values() if text}) > 1:
+            raise InputError(" and ".join(f"{role} in {text}" for role, text in texts.items()), expected="one unit")
 
 
-def list_units(of_roles: Mapping[str, str], stated: Stated) -> dict[str, str]:
-    """The first unit of each quantity in the columns or arrays of some roles; stated units of an abscissa go first.
-
-    InputError: parts of a phasor in different units.
-    """
-    require_alike(of_roles)
+def read_facts(headers: Mapping[str, ColumnHeader], stated: Stated) -> FileFacts:
+    """Angles and the first unit of each quantity in the headers by role; stated units of an abscissa go first."""
     units = {role: text for role, text in stated.units.items() if role in (*ABSCISSAS, "sweep_rate")}
-    for role, text in of_roles.items():
-        if role in UNIT_OF:
-            units.setdefault(UNIT_OF[role], text)
-    return units
+    for role, header in headers.items():
+        if role in UNIT_OF and header.unit:
+            units.setdefault(UNIT_OF[role], header.unit)
+    return FileFacts(units=units, angles={role: header.angle for role, header in headers.items() if header.angle})
 
 
 def note_unheeded_units(roles: Iterable[str], stated: Stated, summary: Summary) -> None:

@@ -28,7 +28,7 @@ _FEWEST_IN_DISORDER = 12
 def list_sweeps(whole: Series, labels: Sequence[str] | None, summary: Summary) -> list[Series]:
     """The sweeps of a table by the label of each row, else split by `_cuts`."""
     if labels is not None:  # the label of merged cells is in the first of them
-        labels = list(accumulate(labels, lambda above, label: label or above))
+        labels = list(accumulate(labels, _keep_above))
     elif not whole.is_time:
         cuts, rows = _cuts(whole.abscissa, whole.force), range(len(whole.abscissa))
         if (levels := _find_levels_in_disorder(whole)) is not None:
@@ -74,6 +74,10 @@ def direct_rate(row: Series, summary: Summary) -> Series:
         return row
     summary.note("sweep rates are speeds: below 0 where the frequency falls")
     return replace(row, extra={**row.extra, "sweep_rate": np.where(rate > 0.0, rate * way, rate)})
+
+
+def _keep_above(above: str, label: str) -> str:
+    return label or above
 
 
 def _find_levels_in_disorder(whole: Series) -> IntArray | None:

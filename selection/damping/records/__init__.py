@@ -124,8 +124,7 @@ class Audit:
     def __str__(self) -> str:
         return "\n".join([f"audit: {self.verdict}", *map(str, self.findings)])
 
-    def __repr__(self) -> str:
-        return str(self)
+    __repr__ = __str__
 
     def _repr_html_(self) -> str:
         findings = self.table.assign(sweeps=[", ".join(finding.sweeps) for finding in self.findings])
