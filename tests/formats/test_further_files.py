@@ -266,6 +266,8 @@ def test_a_table_of_a_signal_without_times(tmp_path):
     (one,) = histories(path, rate=RATE)
     np.testing.assert_allclose(one.t, T, rtol=1e-12)
     np.testing.assert_allclose(one.signal, X, rtol=1e-12)
+    with pytest.raises(InputError, match="--unit time beside --rate, which gives times in s"):
+        histories(path, rate=RATE, units={"time": "ms"})  # they became a thousand times too short
     path.write_text("Time [s],Acc [m/s^2]\n0,1\n1,2\n")
     with pytest.raises(InputError, match="--rate beside a column of times"):
         histories(path, rate=RATE)

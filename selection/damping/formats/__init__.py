@@ -207,6 +207,8 @@ def check(stated: Stated) -> None:
             raise InputError(message, expected=", ".join(known))
     if stated.rate is not None and not 0.0 < stated.rate < float("inf"):
         raise InputError("--rate is no sampling rate", expected="a number of Hz > 0")
+    if stated.rate is not None and "time" in stated.units:
+        raise InputError("--unit time beside --rate, which gives times in s", expected="one of them")
     if stated.band is not None and not 0.0 <= stated.band[0] < stated.band[1]:
         raise InputError("--band is no band", expected="LO:HI in Hz with 0 <= LO < HI")
     if stated.consistent and stated.units:
