@@ -33,8 +33,8 @@ class Layout:
     decimal: str
     names: tuple[str, ...]  #: of the columns; numbers from 1 if there is no header
     header: int  #: number of lines up to and including the header and the units below it
-    comments: bool  #: comment lines are skipped
-    numbered: bool
+    comments: bool = False  #: comment lines are skipped
+    numbered: bool = False  #: it has no header
     units: bool = False  #: there is a row of units below the names
     encoding: str = ""  #: of the text if it is not UTF-8
 
@@ -54,12 +54,12 @@ def _find_layout(lines: Sequence[str], delimiter: str, decimal: str) -> Layout |
     place, row = data[0]
     cells = _list_cells(row, mark)
     if not _numeric(cells, point):
-        return Layout(mark, point, tuple(cells), place + 1, not plain, False)
+        return Layout(mark, point, tuple(cells), place + 1, comments=not plain)
     above = [line.lstrip("#% ") for k, line in content if k < place]
     named = _list_cells(above[-1], mark) if above else []
     if len(named) == len(cells):
-        return Layout(mark, point, tuple(named), place, True, False)
-    return Layout(mark, point, tuple(str(k + 1) for k in range(len(cells))), place, True, True)
+        return Layout(mark, point, tuple(named), place, comments=True)
+    return Layout(mark, point, tuple(str(k + 1) for k in range(len(cells))), place, comments=True, numbered=True)
 
 
 def _lay_out(content: Sequence[tuple[int, str]], mark: str, point: str) -> Layout:
@@ -77,8 +77,8 @@ def _lay_out(content: Sequence[tuple[int, str]], mark: str, point: str) -> Layou
     line, names = content[at][0] + 1, rows[at]
     merged = merge_units(names, rows[at + 1]) if at + 1 < len(rows) else None
     if merged is None:
-        return Layout(mark, point, tuple(names), line, False, False)
-    return Layout(mark, point, tuple(merged), content[at + 1][0] + 1, False, False, units=True)
+        return Layout(mark, point, tuple(names), line)
+    return Layout(mark, point, tuple(merged), content[at + 1][0] + 1, units=True)
 
 
 def _list_roles(cells: Sequence[str]) -> set[str]:
