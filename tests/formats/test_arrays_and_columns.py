@@ -114,6 +114,17 @@ def test_the_unit_of_times_beside_a_named_signal(tmp_path, name):
     np.testing.assert_allclose(series.abscissa, 1e-3 * ms, rtol=1e-15, atol=0.0)
 
 
+@pytest.mark.parametrize(
+    ("name", "number", "unit"), [("dt", 5.0, "ms"), ("fs", 0.2, "kHz"), ("fs", 200.0, "samples/s")]
+)
+def test_the_unit_of_a_step_or_rate(tmp_path, name, number, unit):
+    path = hdf5(tmp_path / "a.h5", response=np.sin(np.arange(50.0)), **{name: number})
+    with h5py.File(path, "a") as file:
+        file[name].attrs["units"] = unit
+    (series,), _ = read_file(path, Stated())
+    np.testing.assert_allclose(series.abscissa, 0.005 * np.arange(50), rtol=1e-12, atol=0.0)
+
+
 @pytest.mark.parametrize("write", [mat5, mat73, hdf5])
 def test_columns_under_one_force_may_be_sensors(truth, tmp_path, imported, write):
     """Two sensors became sweeps of one, whose amplitudes differ under the same force, without a word."""

@@ -41,28 +41,26 @@ def list_array_series(
     main = next((names[role] for role in ("response", "amplitude", "x") if role in names), "")
     usual = {} if set(names) & set(ABSCISSAS) else find_abscissa(contents.known, main)
     require_response(names | usual, contents.known, stated, many=kind == "hdf5")
-    arrays = contents.arrays
     if names.keys().isdisjoint(ABSCISSAS):
-        signal = arrays[main][0]
+        signal = contents.arrays[main][0]
         if stated.rate is None:
             sampled = _find_sampled(read_whole, signal, main, contents.known, first)
         else:
             if sampling := [array for array in contents.known if last_name(array) in SAMPLING]:
                 summary.note(f"--rate {stated.rate:g} is stated, beside {', '.join(sampling[:4])} in the file")
-            sampled = "time", f"--rate {stated.rate:g}", list_times("fs", stated.rate, max(signal.shape), first)
+            sampled = "time", f"--rate {stated.rate:g}", list_times("fs", stated.rate, max(signal.shape), first), ""
         if sampled is not None:
-            role, name, values = sampled
-            names, arrays = names | {role: name}, arrays | {name: [values]}
+            role, name, values, text = sampled
+            names, contents = names | {role: name}, contents.join(Arrays({name: [values]}, {name: text}, {}, {}))
         elif usual:
             names, contents = names | usual, contents.join(read(list(usual.values())))
-            arrays = contents.arrays
     units = {role: contents.units.get(name, "") for role, name in names.items()}
     headers = {role: ColumnHeader(f"{names[role]} {text}".strip(), names[role], text) for role, text in units.items()}
     require_linear(headers)
     for role, name in names.items():
-        _add_array(role, name, arrays[name], stated, summary)
+        _add_array(role, name, contents.arrays[name], stated, summary)
     note_unheeded_units(names, stated, summary)
-    return _list_each(names, arrays, read_facts(headers, stated), Path(path).stem, summary)
+    return _list_each(names, contents.arrays, read_facts(headers, stated), Path(path).stem, summary)
 
 
 def _name_arrays(contents: Arrays, stated: Stated) -> dict[str, str]:
@@ -101,8 +99,8 @@ def _find_whole_name(name: str, arrays: Mapping[str, Any]) -> str:
 
 def _find_sampled(
     read: Callable[[Sequence[str]], Arrays], signal: Samples, main: str, known: Shapes, first: int
-) -> tuple[str, str, FloatArray] | None:
-    """Role, name and values of an even abscissa, by a number in the file near the array ``main``; None if none is.
+) -> tuple[str, str, FloatArray, str] | None:
+    """Role, name, values and unit of an even abscissa, by a number in the file near the array ``main``; None: none is.
 
     Of a complex response it is the frequency, by its increment. ``first``: sample with which the signal begins.
     """
@@ -113,10 +111,13 @@ def _find_sampled(
     names, is_increment = [name], last_name(name) in NAMES["rate"]["increment"]
     beside = [one for one in known if is_increment and split(one)[:-1] == split(name)[:-1]]
     names += [one for one in beside if last_name(one) in NAMES["rate"]["start"]]
-    numbers = read(names).arrays
-    step, start = (float(numbers[one][0].real.reshape(-1)[0]) for one in (name, names[-1]))
-    role = "frequency" if np.iscomplexobj(signal) else "time"
-    return role, name, (start if len(names) > 1 else 0.0) + list_times(name, step, max(signal.shape, default=1), first)
+    numbers = read(names)
+    step, start = (float(numbers.arrays[one][0].real.reshape(-1)[0]) for one in (name, names[-1]))
+    role, text = "frequency" if np.iscomplexobj(signal) else "time", numbers.units.get(name, "")
+    if last_name(name) in NAMES["rate"]["rate"]:
+        step, text = step * ABSCISSAS["frequency"].get(text.lower(), 1.0), ""
+    values = list_times(name, step, max(signal.shape, default=1), first)
+    return role, name, (start if len(names) > 1 else 0.0) + values, text
 
 
 def _list_each(
