@@ -3,15 +3,15 @@
 import math
 import os
 from collections.abc import Collection, Sequence
-from operator import attrgetter
 from pathlib import Path
 
 import pandas as pd
 
 from damping.campaign import analyse
 from damping.campaign.answer import Campaign, ModeAnswer
+from damping.campaign.comparison import EarlierCampaign
 from damping.campaign.runs import DesignLevel, read_corrections
-from damping.campaign.values import Bounds, SensorPrediction
+from damping.campaign.values import At, Bounds, Response
 from damping.errors import InputError, naming
 from damping.formats.columns import open_table
 from damping.formats.conversion import SCALINGS
@@ -37,7 +37,7 @@ from damping_pipelines.campaign_tables import (
     tabulate_outcomes,
     tabulate_peaks,
 )
-from damping_pipelines.forms import CampaignForm, read_form
+from damping_pipelines.forms import CampaignForm, IntervalForm, PeakForm, read_form
 from damping_pipelines.manifest import digest_inputs, publish, sole_writer, versions
 from damping_pipelines.store import refuse_inputs, to_json
 from damping_pipelines.terminal import (
@@ -83,7 +83,7 @@ def campaign(
     corrections = read_corrections(correct) if correct else None
     read_designs = [_read_design(word) for word in design]
     wanted, limits = _frequencies(modes), _read_limits(limit)
-    before = _read_predictions(previous) if previous else ()
+    before = _read_earlier(previous) if previous else None
     facts = Stated(columns=parse_pairs("--column", columns), units=parse_pairs("--unit", units))
     with sole_writer(out, PAGES, read):
         levels = [level for level, _ in read_designs]
@@ -147,24 +147,32 @@ def _require_units(texts: Sequence[str], drive: str) -> None:
             raise InputError(f"--design in {text}", expected=f"levels in {drive}, the unit of the drive")
 
 
-def _read_predictions(path: Path) -> list[SensorPrediction]:
-    """Every known peak of a form ``campaign/1``. InputError: another file, or a mode without a frequency or peaks."""
-    band, expected = attrgetter("median", "low", "high"), "campaign.json of a campaign"
+def _read_earlier(path: Path) -> EarlierCampaign:
+    """The levels with known peaks of a form ``campaign/1``.
+
+    InputError: another file, or a mode without a frequency or peaks.
+    """
+    expected = "campaign.json of a campaign"
     form = read_form(CampaignForm, read_bytes(path), path, expected)
-    bare = [mode.name for mode in form.modes if mode.frequency is None or not any(at.response for at in mode.at)]
-    if bare:
-        raise InputError(f"{bare[0]!r} has no frequency or no response", file=path, expected=expected)
-    return [
-        SensorPrediction(
-            mode.frequency, at.input or at.level, bool(at.tested), peak.sensor, peak.unit, Bounds(*band(peak)), *known
-        )
-        for mode in form.modes
-        if mode.frequency is not None
-        for at in mode.at
-        for known in [(at.frequency, band(at.damping_ratio) if at.damping_ratio else None, form.level_unit)]
-        for peak in at.response
-        if None not in band(peak)
-    ]
+    modes: dict[float, list[At]] = {}
+    for mode in form.modes:
+        if mode.frequency is None or not any(at.response for at in mode.at):
+            raise InputError(f"{mode.name!r} has no frequency or no response", file=path, expected=expected)
+        for at in mode.at:
+            known = [(peak, band) for peak in at.response if (band := _find_band(peak))]
+            peaks = tuple(Response(peak.sensor, peak.quantity, peak.unit, band) for peak, band in known)
+            frequency = math.nan if at.frequency is None else at.frequency
+            if peaks:
+                place = At(at.level, bool(at.tested), frequency, _find_band(at.damping_ratio), peaks, (), at.input)
+                modes.setdefault(mode.frequency, []).append(place)
+    return EarlierCampaign(modes, form.level_unit)
+
+
+def _find_band(of: IntervalForm | PeakForm | None) -> Bounds | None:
+    """The band of a form; None unless it has a median and both ends."""
+    if of is None or of.median is None or of.low is None or of.high is None:
+        return None
+    return Bounds(of.median, of.low, of.high)
 
 
 def _read_limits(words: Sequence[str]) -> dict[str, float]:

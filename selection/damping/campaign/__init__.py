@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from damping.campaign.answer import LEAST_SPREAD, NORMAL_90, Campaign, ModeAnswer, predict_mode, read_curve
-from damping.campaign.comparison import compare_predictions, describe_changes
+from damping.campaign.comparison import EarlierCampaign, compare_predictions, describe_changes
 from damping.campaign.decays import answer_decays
 from damping.campaign.delays import describe_delay, measure_delay
 from damping.campaign.modal_fit import MOVED, Level
@@ -23,7 +23,7 @@ from damping.campaign.responses import Forecast, add_responses, describe_turned,
 from damping.campaign.runs import CampaignRun, Corrections, DesignLevel
 from damping.campaign.sensors import check_drives, describe_shares
 from damping.campaign.sources import read_runs
-from damping.campaign.values import At, Bounds, SensorPrediction
+from damping.campaign.values import At, Bounds
 from damping.errors import InputError
 from damping.extrapolation.curve import trace_loads
 from damping.extrapolation.prepared import PreparedRecord
@@ -48,7 +48,7 @@ def analyse(
     max_size: int = DEFAULT_MAX_SIZE,
     corrections: Corrections | None = None,
     limits: Mapping[str, float] | None = None,
-    before: Sequence[SensorPrediction] = (),
+    before: EarlierCampaign | None = None,
     facts: Stated | None = None,
 ) -> Campaign:
     """Analyse the files of a campaign.
@@ -59,7 +59,7 @@ def analyse(
         frequencies: of the modes, Hz, if they are not to be searched.
         corrections: of the content of the files.
         limits: largest allowed reading, by sensor, in its unit.
-        before: predictions made before these runs.
+        before: what was known before these runs.
         facts: columns and units of tables of steady states.
 
     InputError: files that are not understood, limits or earlier predictions for free decays, which have no input, or
@@ -78,11 +78,14 @@ def analyse(
             option = "--limit" if limits else "--previous"
             raise InputError(f"{option} of free decays", expected=f"no {option}: it is for peaks under an input")
         return _with_summary(answer_decays(runs, inputs, frequencies, seed, summary), summary)
-    of, earlier = runs[0].drive_unit, next((row.level_unit for row in before), "")
-    if earlier and not unit(earlier).agrees_with(unit(of)):
-        raise InputError(f"levels in {earlier} of --previous, in {of} of these files", expected="levels in one unit")
+    of = runs[0].drive_unit
+    if before and before.unit and not unit(before.unit).agrees_with(unit(of)):
+        message = f"levels in {before.unit} of --previous, in {of} of these files"
+        raise InputError(message, expected="levels in one unit")
     trusted = [name for name in names if corrections and corrections.of(name).role == "sensor"]
     campaign = _with_summary(_answer_sweeps(runs, inputs, frequencies, seed, summary, trusted, limits or {}), summary)
+    if before is None:
+        return campaign
     outcomes, changes = compare_predictions(before, campaign), describe_changes(before, campaign)
     return replace(campaign, outcomes=outcomes, changes=changes)
 
