@@ -16,7 +16,6 @@ from damping.errors import InputError, naming
 from damping.formats.columns import open_table
 from damping.formats.conversion import SCALINGS
 from damping.formats.headers import find_abscissa_factor
-from damping.formats.quantity import unit
 from damping.formats.roles import find_roles
 from damping.formats.series import Stated
 from damping.plots import describe_with_unit, to_svg
@@ -81,14 +80,12 @@ def campaign(
     if twice is not None:
         raise InputError("is given twice", file=twice, expected="each file once")
     corrections = read_corrections(correct) if correct else None
-    read_designs = [_read_design(word) for word in design]
+    levels = [_read_design(word) for word in design]
     wanted, limits = _frequencies(modes), _read_limits(limit)
     before = _read_earlier(previous) if previous else None
     facts = Stated(columns=parse_pairs("--column", columns), units=parse_pairs("--unit", units))
     with sole_writer(out, PAGES, read):
-        levels = [level for level, _ in read_designs]
         answer = analyse(sources, levels, wanted, seed, max_size, corrections, limits, before, facts)
-        _require_units([text for _, text in read_designs], answer.unit)
         for mode in answer.modes:
             report_findings(mode.record, mode.mode, despite)
         inputs = digest_inputs(read)
@@ -116,14 +113,14 @@ def _name_forces(mode: ModeAnswer, answer: Campaign) -> list[str]:
     return levels if answer.level_name != "force" and len(levels) == len(mode.design_forces) else []
 
 
-def _read_design(word: str) -> tuple[DesignLevel, str]:
-    """A level, or the curve in a table with columns frequency (Hz) and level; and the unit in the header of the levels.
+def _read_design(word: str) -> DesignLevel:
+    """A level, or the curve in a table with columns frequency (Hz) and level, whose header may state the unit.
 
     InputError for anything else.
     """
     level, path = parse_number(word), Path(word)
     if not math.isnan(level):
-        return DesignLevel.flat(level), ""
+        return DesignLevel.flat(level)
     if not path.suffix:
         raise InputError(f"--design {word!r} is no level", expected="a number > 0, or a table of frequency and level")
     named = {"frequency": ("frequency", "freq", "f"), "level": ("level", "amplitude", "input")}
@@ -137,14 +134,7 @@ def _read_design(word: str) -> tuple[DesignLevel, str]:
         numbers, _ = table.read(places)
         hertz = find_abscissa_factor("frequency", of_frequency.unit)
         peak = SCALINGS[of_level.scaling or "peak"]
-        return DesignLevel(hertz * numbers["frequency"], peak * numbers["level"]), of_level.unit
-
-
-def _require_units(texts: Sequence[str], drive: str) -> None:
-    """InputError for design levels in another unit than the drive."""
-    for text in texts:
-        if text not in ("", drive) and drive and not unit(text).agrees_with(unit(drive)):
-            raise InputError(f"--design in {text}", expected=f"levels in {drive}, the unit of the drive")
+        return DesignLevel(hertz * numbers["frequency"], peak * numbers["level"], of_level.unit)
 
 
 def _read_earlier(path: Path) -> EarlierCampaign:

@@ -892,8 +892,8 @@ def test_what_free_decays_have_not_is_refused(tmp_path, options, message):
         analyse([decayed(tmp_path / "d.csv", 0.005)], **options)
 
 
-def test_levels_in_another_unit_are_not_compared(tmp_path, monkeypatch):
-    """An earlier campaign in N says nothing of one in g; one in another name of the same unit does."""
+def test_levels_in_another_unit_are_refused_before_the_work(tmp_path, monkeypatch):
+    """An earlier campaign or a design level in N says nothing of a drive in m/s^2; another name of the same unit does."""
     monkeypatch.setattr("damping.campaign.fit_right_levels", lambda *_: pytest.fail("analysed"))
     with h5py.File(tmp_path / "sine.h5", "w") as file:
         for name, value in (("frequency", np.arange(5.0, 35.0)), ("control", np.ones(30)), ("tip", np.ones(30) + 1.0j)):
@@ -912,6 +912,13 @@ def test_levels_in_another_unit_are_not_compared(tmp_path, monkeypatch):
         (tmp_path / "campaign.json").write_text(json.dumps(form | stated))
         with pytest.raises(error, match=said):
             analyse([tmp_path / "sine.h5"], before=_read_earlier(tmp_path / "campaign.json"))
+    for stated, error, said in (
+        ("N", InputError, r"--design in N; expected levels in m/s\^2, the unit of the drive"),
+        ("m/s2", pytest.fail.Exception, "analysed"),
+        ("", pytest.fail.Exception, "analysed"),
+    ):
+        with pytest.raises(error, match=said):
+            analyse([tmp_path / "sine.h5"], design=[DesignLevel(np.array([20.0]), np.array([1.0]), stated)])
 
 
 def predicted(level: float, tested: bool) -> At:
@@ -1250,7 +1257,6 @@ def test_a_mode_that_the_audit_refuses(tmp_path, damping, monkeypatch, bare_mode
     ("header", "rows", "said"),
     [
         ("frequency [rpm],level [g rms]", "1200,1\n4800,2\n", ""),
-        ("frequency [Hz],level [m/s^2]", "20,1\n80,2\n", "--design in m/s^2; expected levels in g"),
         ("frequency [furlong],level", "20,1\n80,2\n", "design.csv: frequency in furlong; expected one of hz"),
     ],
 )

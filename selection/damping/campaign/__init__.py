@@ -63,7 +63,7 @@ def analyse(
         facts: columns and units of tables of steady states.
 
     InputError: files that are not understood, limits or earlier predictions for free decays, which have no input, or
-    earlier predictions at levels in another unit.
+    earlier predictions or design levels in another unit.
     AnalysisError: no mode can be followed over the levels.
     """
     runs, summary = read_runs(files, max_size, corrections, facts)
@@ -73,21 +73,29 @@ def analyse(
     unknown = next((name for name in limits or {} if name not in names), None)
     if unknown is not None:
         raise InputError(f"--limit of no sensor {unknown!r}", expected=f"one of {', '.join(names)}")
+    of = runs[0].channels[0].unit if runs[0].is_time else runs[0].drive_unit
+    for text in (level.unit for level in inputs):
+        _require_unit(text, of, f"--design in {text}", f"levels in {of}, the unit of the drive")
     if runs[0].is_time:
         if limits or before:
             option = "--limit" if limits else "--previous"
             raise InputError(f"{option} of free decays", expected=f"no {option}: it is for peaks under an input")
         return _with_summary(answer_decays(runs, inputs, frequencies, seed, summary), summary)
-    of = runs[0].drive_unit
-    if before and before.unit and not unit(before.unit).agrees_with(unit(of)):
-        message = f"levels in {before.unit} of --previous, in {of} of these files"
-        raise InputError(message, expected="levels in one unit")
+    if before:
+        stated = f"levels in {before.unit} of --previous, in {of} of these files"
+        _require_unit(before.unit, of, stated, "levels in one unit")
     trusted = [name for name in names if corrections and corrections.of(name).role == "sensor"]
     campaign = _with_summary(_answer_sweeps(runs, inputs, frequencies, seed, summary, trusted, limits or {}), summary)
     if before is None:
         return campaign
     outcomes, changes = compare_predictions(before, campaign), describe_changes(before, campaign)
     return replace(campaign, outcomes=outcomes, changes=changes)
+
+
+def _require_unit(text: str, of: str, stated: str, expected: str) -> None:
+    """InputError for levels in a unit other than that ``of`` the files; '' where one of them is not stated."""
+    if text and of and text != of and not unit(text).agrees_with(unit(of)):
+        raise InputError(stated, expected=expected)
 
 
 def _require_held(runs: Sequence[CampaignRun], frequencies: Sequence[float]) -> None:
