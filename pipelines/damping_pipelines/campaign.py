@@ -13,6 +13,7 @@ from damping.campaign.comparison import EarlierCampaign
 from damping.campaign.runs import DesignLevel, read_corrections
 from damping.campaign.values import At, Bounds, Response
 from damping.errors import InputError, naming
+from damping.extrapolation.cautions import find_refusal
 from damping.formats.columns import open_table
 from damping.formats.conversion import SCALINGS
 from damping.formats.headers import find_abscissa_factor
@@ -251,8 +252,10 @@ def _show(answer: Campaign, out: Path) -> None:
     )
     for mode in answer.modes:
         left_out = [f"{mode.name} without {name}: {why}" for name, why in mode.left_out.items()]
-        notched = [f"{mode.name} at {describe_level(at, answer.unit)}" for at in mode.places if at.reached is not None]
-        for line in (*left_out, *notched, *mode.notches):
+        placed = [(f"{mode.name} at {describe_level(at, answer.unit)}", at) for at in mode.places]
+        notched = [where for where, at in placed if at.reached is not None]
+        refused = [f"{where}: {why}" for where, at in placed if (why := find_refusal(at.cautions))]
+        for line in (*left_out, *notched, *refused, *mode.notches):
             to.print(f"- {line}")
     for line in (*answer.changes, *answer.outcomes):
         to.print(f"- {line}")

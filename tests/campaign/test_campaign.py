@@ -893,7 +893,7 @@ def test_what_free_decays_have_not_is_refused(tmp_path, options, message):
 
 
 def test_levels_in_another_unit_are_refused_before_the_work(tmp_path, monkeypatch):
-    """An earlier campaign or a design level in N says nothing of a drive in m/s^2; another name of the same unit does."""
+    """A level in N, earlier or to be designed for, says nothing of a drive in m/s^2; one in m/s2 does."""
     monkeypatch.setattr("damping.campaign.fit_right_levels", lambda *_: pytest.fail("analysed"))
     with h5py.File(tmp_path / "sine.h5", "w") as file:
         for name, value in (("frequency", np.arange(5.0, 35.0)), ("control", np.ones(30)), ("tip", np.ones(30) + 1.0j)):
@@ -1276,6 +1276,19 @@ def test_a_table_of_design_levels_is_in_the_units_of_its_header(tmp_path, dampin
     if not said:
         np.testing.assert_allclose(asked[0].frequency, [20.0, 80.0], rtol=1e-15)
         np.testing.assert_allclose(asked[0].level, [2**0.5, 8**0.5], rtol=1e-15)
+
+
+def test_the_terminal_gives_the_reason_of_a_dash(tmp_path, damping, monkeypatch, bare_mode):
+    why = "no prediction: friction locks the mode at this force"
+    held = At(0.2, False, np.nan, None, (), ("beyond the test: 2.00 times the largest tested force", why))
+    mode = bare_mode(41.0, [At(0.1, True, 41.0, Bounds(0.01, 0.009, 0.011), (), ()), held])
+    answer = Campaign((mode,), (0.1,), (0.2,), "g", level_name="base acceleration")
+    monkeypatch.setattr("damping_pipelines.campaign.analyse", lambda *_: answer)
+    (tmp_path / "run.csv").write_text("lo")
+    run = damping("campaign", tmp_path / "run.csv", "--out", tmp_path / "out")
+    assert run.code == 0
+    assert run.out.count("mode-1 at") == 1
+    assert f"- mode-1 at 0.2 g: {why}" in " ".join(run.out.split())
 
 
 def test_a_study_file_holds_any_name(tmp_path, damping, monkeypatch, bare_mode):
