@@ -5,8 +5,6 @@ import os
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
-import pandas as pd
-
 from damping.campaign import analyse
 from damping.campaign.answer import Campaign, ModeAnswer
 from damping.campaign.comparison import EarlierCampaign
@@ -19,24 +17,11 @@ from damping.formats.conversion import SCALINGS
 from damping.formats.headers import find_abscissa_factor
 from damping.formats.roles import find_roles
 from damping.formats.series import Stated
-from damping.plots import describe_with_unit, to_svg
-from damping.plots.curves import mode_over_level
 from damping.records.mode import describe_mode_to_toml, quote_toml
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
-from damping.report.page import Block, FigureBlock, Footer, Section, Table, fill_text, render_page, write_sections
-from damping_pipelines.campaign_tables import (
-    describe_answer,
-    describe_frequency,
-    describe_level,
-    format_hertz,
-    group_cautions,
-    tabulate_damping,
-    tabulate_modes,
-    tabulate_notches,
-    tabulate_outcomes,
-    tabulate_peaks,
-)
+from damping.report.page import Footer, fill_text, render_page
+from damping_pipelines.campaign_page import describe_frequency, describe_level, write_page
 from damping_pipelines.forms import CampaignForm, IntervalForm, PeakForm, read_form
 from damping_pipelines.manifest import digest_inputs, publish, sole_writer, versions
 from damping_pipelines.store import refuse_inputs, to_json
@@ -104,7 +89,7 @@ def _write_files(answer: Campaign, title: str, seed: int, inputs: dict[str, str]
     texts |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode) for mode in answer.modes}
     texts["study.toml"] = fill_text(Path(__file__).with_name("campaign_study.txt"), settings)
     texts["campaign.json"] = to_json(answer.to_json())
-    texts["report.html"] = render_page(title, _write_page(answer), Footer(seed, versions(), inputs))
+    texts["report.html"] = render_page(title, write_page(answer), Footer(seed, versions(), inputs))
     return {name: text.encode() for name, text in texts.items()}
 
 
@@ -185,43 +170,6 @@ def _frequencies(text: str | None) -> list[float]:
     if not all(0.0 < f < math.inf for f in frequencies) or len(set(frequencies)) < len(frequencies):
         raise InputError(f"--modes {text!r} is not understood", expected="different frequencies in Hz, F1,F2,...")
     return frequencies
-
-
-def _write_page(answer: Campaign) -> list[Section]:
-    """Write the page: the answer, damping of modes against level, and the response of every sensor at all levels."""
-    parts: dict[str, Block] = {
-        "modes": Table(tabulate_modes(answer), {"frequency, Hz": format_hertz}),
-        "limits": Table(tabulate_notches(answer)),
-        "outcomes": Table(tabulate_outcomes(answer)),
-        "files": Table(answer.summary.table),
-    }
-    for mode in answer.modes:
-        parts |= _draw_levels(mode, answer.input_name, answer.unit)
-        parts[f"{mode.name} damping"] = Table(tabulate_damping(mode, answer.unit))
-        parts[f"{mode.name} peaks"] = Table(tabulate_peaks(mode, answer.unit))
-    cautions = {mode.name: group_cautions(mode, answer.unit) for mode in answer.modes}
-    values = vars(answer) | {
-        **describe_answer(answer),
-        "cautions": cautions,
-        "input": answer.input_name,
-        "tested": answer.tested,
-        "hertz": format_hertz,
-    }
-    return write_sections(Path(__file__).with_suffix(".txt"), values, parts)
-
-
-def _draw_levels(mode: ModeAnswer, input_name: str, unit: str) -> dict[str, Block]:
-    """The figure of a mode by its name; none if only one level has a result."""
-    levels = pd.DataFrame(
-        {"level": at.input, "tested": at.tested, "frequency": at.frequency} | at.ratio._asdict()
-        for at in sorted(mode.places, key=lambda at: at.input)
-        if at.ratio
-    )
-    if len(levels) < 2:
-        return {}
-    words = f"Damping ratio and frequency of {mode.name} against the {input_name} in {unit}."
-    figure = mode_over_level(levels, describe_with_unit(input_name, unit))
-    return {mode.name: FigureBlock(to_svg(figure, f"{mode.name}-levels", mode.name, words), words)}
 
 
 def _show(answer: Campaign, out: Path) -> None:

@@ -44,8 +44,8 @@ from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping_pipelines.campaign import _read_earlier, _write_page
-from damping_pipelines.campaign_tables import describe_answer, tabulate_damping, tabulate_modes
+from damping_pipelines.campaign import _read_earlier
+from damping_pipelines.campaign_page import describe_answer, tabulate_damping, tabulate_modes, write_page
 from damping_pipelines.manifest import digest, verify
 from damping_pipelines.study_files import read_settings
 from tests.campaign.linear import accelerate
@@ -1110,7 +1110,7 @@ def test_the_page_of_a_repeated_campaign_says_what_changed(bare_mode):
     mode = bare_mode(50.0, [place(level, 50.0, 0.02) for level in (0.5, 1.0)])
     answer = Campaign((mode,), (0.5, 1.0), (), "g", level_name="force")
     answer = replace(answer, changes=describe_changes(before, answer))
-    (section,) = (section for section in _write_page(answer) if section.title == "Predicted and measured")
+    (section,) = (section for section in write_page(answer) if section.title == "Predicted and measured")
     text = str(section)
     assert "No peak was predicted." in text
     assert "mode-1 at 0.5 g, tested before, has changed" in text
@@ -1230,13 +1230,13 @@ def test_the_page_begins_with_the_answer(bare_mode, no_drawing):
     assert values["doubts"] == ["rms or peak?", "the mode near 9 Hz is lost"]
     of_answer = [own for own in values["gravest"] if "beyond-model" not in own[0]]  # a finding on the bare record
     assert of_answer == [("no law leads", ["mode-1"]), ("root is left out: clipped", ["mode-2"])]
-    page = str(_write_page(answer)[0])
+    page = str(write_page(answer)[0])
     assert "Largest predicted response: at 4 g expect 8.00 g (7.00 to 9.00 g, 90 % predictive band) at tip" in page
     assert "; at 4 g expect 2.00 mm" in page
-    page = str(_write_page(replace(answer, modes=(same,)))[0])
+    page = str(write_page(replace(answer, modes=(same,)))[0])
     assert "Nothing is predicted at a design level. Largest measured response: at 2 g, 400 g (" in page
     assert "90 % band of the measurement) at tip in mode-2" in page
-    assert "Least damping: 3.00 % of critical (" in str(_write_page(replace(answer, level_name="amplitude"))[0])
+    assert "Least damping: 3.00 % of critical (" in str(write_page(replace(answer, level_name="amplitude"))[0])
 
 
 def test_a_mode_that_the_audit_refuses(tmp_path, damping, monkeypatch, bare_mode):
