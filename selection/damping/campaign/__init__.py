@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from damping.campaign.answer import LEAST_SPREAD, NORMAL_90, Campaign, ModeAnswer, predict_mode, read_curve
+from damping.campaign.answer import LEAST_SPREAD, NORMAL_90, Campaign, ModeAnswer, predict_at, predict_mode
 from damping.campaign.comparison import EarlierCampaign, compare_predictions, describe_changes
 from damping.campaign.decays import answer_decays
 from damping.campaign.delays import describe_delay, measure_delay
@@ -166,21 +166,18 @@ def _forecast(
     moved = [_is_moved(f, z, float(at)) for at, (f, z) in zip(mode.frequency, steady, strict=True)]
     straight = [lev for lev, bent in zip(levels, moved, strict=True) if not bent] or levels
     places, shown = [], []
-    for k, level in enumerate(asked):
-        measured = k < len(levels)
-        if measured:
-            spread, (frequency, z) = NORMAL_90 * float(hypot(mode.ratio_sd[k], LEAST_SPREAD)), steady[k]
-            ratio = Bounds.about(z, spread)
-            errors = _find_errors(mode, levels[k], k, *steady[k], read=moved[k])
-        else:
-            frequency, ratio, errors = read_curve(curve, k)
-        cautions = (*prediction.cautions(() if measured else curve.cautions[k]), *mode.cautions)
-        shown.append(levels[k] if measured and (all(moved) or not moved[k]) else straight[-1])
-        stated, reached = float(levels[k].run.level or 0.0) if measured else level, None
-        if stated != level:
-            cautions, reached = (*cautions, f"notched: the input at this mode was {level:.3g} {run.drive_unit}"), level
-        known = ratio if isfinite(frequency) and isfinite(sum(ratio)) else None
-        places.append(At(stated, measured, frequency, known, (), cautions, reached, *(errors if known else ())))
+    for k, (level, reached) in enumerate(zip(levels, tested, strict=True)):
+        ratio = Bounds.about(steady[k][1], NORMAL_90 * float(hypot(mode.ratio_sd[k], LEAST_SPREAD)))
+        errors = _find_errors(mode, level, k, *steady[k], read=moved[k])
+        cautions, stated = (*prediction.cautions(), *mode.cautions), float(level.run.level or 0.0)
+        if notched := reached != stated:
+            cautions = (*cautions, f"notched: the input at this mode was {reached:.3g} {run.drive_unit}")
+        places.append(At(stated, True, steady[k][0], ratio, (), cautions, reached if notched else None, *errors))
+        shown.append(level if all(moved) or not moved[k] else straight[-1])
+    for k, at in enumerate(asked[len(levels) :], len(levels)):
+        cautions = (*prediction.cautions(curve.cautions[k]), *mode.cautions)
+        places.append(predict_at(curve, k, at, cautions))
+        shown.append(straight[-1])
     answer = prediction.answer(places, mode.left_out, [float(of_force * level) for level in wanted])
     return Forecast(mode, answer, tuple(shown), is_steady=not prepared.measured.notes)
 
