@@ -3,41 +3,26 @@
 import math
 import os
 from collections.abc import Collection, Sequence
-from operator import attrgetter
 from pathlib import Path
-
-import pandas as pd
 
 from damping.campaign import analyse
 from damping.campaign.answer import Campaign, ModeAnswer
+from damping.campaign.comparison import EarlierCampaign
 from damping.campaign.runs import DesignLevel, read_corrections
-from damping.campaign.values import Bounds, SensorPrediction
+from damping.campaign.values import At, Bounds, Response
 from damping.errors import InputError, naming
+from damping.extrapolation.cautions import find_refusal
 from damping.formats.columns import open_table
 from damping.formats.conversion import SCALINGS
 from damping.formats.headers import find_abscissa_factor
-from damping.formats.quantity import unit
 from damping.formats.roles import find_roles
 from damping.formats.series import Stated
-from damping.plots import describe_with_unit, to_svg
-from damping.plots.curves import mode_over_level
 from damping.records.mode import describe_mode_to_toml, quote_toml
 from damping.records.record import record_to_csv
 from damping.records.text import read_bytes
-from damping.report.page import Block, FigureBlock, Footer, Section, Table, fill_text, render_page, write_sections
-from damping_pipelines.campaign_tables import (
-    describe_answer,
-    describe_frequency,
-    describe_level,
-    format_hertz,
-    group_cautions,
-    tabulate_damping,
-    tabulate_modes,
-    tabulate_notches,
-    tabulate_outcomes,
-    tabulate_peaks,
-)
-from damping_pipelines.forms import CampaignForm, read_form
+from damping.report.page import Footer, fill_text, render_page
+from damping_pipelines.campaign_page import describe_frequency, describe_level, write_page
+from damping_pipelines.forms import CampaignForm, IntervalForm, PeakForm, read_form
 from damping_pipelines.manifest import digest_inputs, publish, sole_writer, versions
 from damping_pipelines.store import refuse_inputs, to_json
 from damping_pipelines.terminal import (
@@ -81,14 +66,12 @@ def campaign(
     if twice is not None:
         raise InputError("is given twice", file=twice, expected="each file once")
     corrections = read_corrections(correct) if correct else None
-    read_designs = [_read_design(word) for word in design]
+    levels = [_read_design(word) for word in design]
     wanted, limits = _frequencies(modes), _read_limits(limit)
-    before = _read_predictions(previous) if previous else ()
+    before = _read_earlier(previous) if previous else None
     facts = Stated(columns=parse_pairs("--column", columns), units=parse_pairs("--unit", units))
     with sole_writer(out, PAGES, read):
-        levels = [level for level, _ in read_designs]
         answer = analyse(sources, levels, wanted, seed, max_size, corrections, limits, before, facts)
-        _require_units([text for _, text in read_designs], answer.unit)
         for mode in answer.modes:
             report_findings(mode.record, mode.mode, despite)
         inputs = digest_inputs(read)
@@ -106,7 +89,7 @@ def _write_files(answer: Campaign, title: str, seed: int, inputs: dict[str, str]
     texts |= {f"modes/{mode.name}/mode.toml": describe_mode_to_toml(mode.mode) for mode in answer.modes}
     texts["study.toml"] = fill_text(Path(__file__).with_name("campaign_study.txt"), settings)
     texts["campaign.json"] = to_json(answer.to_json())
-    texts["report.html"] = render_page(title, _write_page(answer), Footer(seed, versions(), inputs))
+    texts["report.html"] = render_page(title, write_page(answer), Footer(seed, versions(), inputs))
     return {name: text.encode() for name, text in texts.items()}
 
 
@@ -116,14 +99,14 @@ def _name_forces(mode: ModeAnswer, answer: Campaign) -> list[str]:
     return levels if answer.level_name != "force" and len(levels) == len(mode.design_forces) else []
 
 
-def _read_design(word: str) -> tuple[DesignLevel, str]:
-    """A level, or the curve in a table with columns frequency (Hz) and level; and the unit in the header of the levels.
+def _read_design(word: str) -> DesignLevel:
+    """A level, or the curve in a table with columns frequency (Hz) and level, whose header may state the unit.
 
     InputError for anything else.
     """
     level, path = parse_number(word), Path(word)
     if not math.isnan(level):
-        return DesignLevel.flat(level), ""
+        return DesignLevel.flat(level)
     if not path.suffix:
         raise InputError(f"--design {word!r} is no level", expected="a number > 0, or a table of frequency and level")
     named = {"frequency": ("frequency", "freq", "f"), "level": ("level", "amplitude", "input")}
@@ -137,34 +120,35 @@ def _read_design(word: str) -> tuple[DesignLevel, str]:
         numbers, _ = table.read(places)
         hertz = find_abscissa_factor("frequency", of_frequency.unit)
         peak = SCALINGS[of_level.scaling or "peak"]
-        return DesignLevel(hertz * numbers["frequency"], peak * numbers["level"]), of_level.unit
+        return DesignLevel(hertz * numbers["frequency"], peak * numbers["level"], of_level.unit)
 
 
-def _require_units(texts: Sequence[str], drive: str) -> None:
-    """InputError for design levels in another unit than the drive."""
-    for text in texts:
-        if text not in ("", drive) and drive and not unit(text).agrees_with(unit(drive)):
-            raise InputError(f"--design in {text}", expected=f"levels in {drive}, the unit of the drive")
+def _read_earlier(path: Path) -> EarlierCampaign:
+    """The levels with known peaks of a form ``campaign/1``.
 
-
-def _read_predictions(path: Path) -> list[SensorPrediction]:
-    """Every known peak of a form ``campaign/1``. InputError: another file, or a mode without a frequency or peaks."""
-    band, expected = attrgetter("median", "low", "high"), "campaign.json of a campaign"
+    InputError: another file, or a mode without a frequency or peaks.
+    """
+    expected = "campaign.json of a campaign"
     form = read_form(CampaignForm, read_bytes(path), path, expected)
-    bare = [mode.name for mode in form.modes if mode.frequency is None or not any(at.response for at in mode.at)]
-    if bare:
-        raise InputError(f"{bare[0]!r} has no frequency or no response", file=path, expected=expected)
-    return [
-        SensorPrediction(
-            mode.frequency, at.input or at.level, bool(at.tested), peak.sensor, peak.unit, Bounds(*band(peak)), *known
-        )
-        for mode in form.modes
-        if mode.frequency is not None
-        for at in mode.at
-        for known in [(at.frequency, band(at.damping_ratio) if at.damping_ratio else None, form.level_unit)]
-        for peak in at.response
-        if None not in band(peak)
-    ]
+    modes: dict[float, list[At]] = {}
+    for mode in form.modes:
+        if mode.frequency is None or not any(at.response for at in mode.at):
+            raise InputError(f"{mode.name!r} has no frequency or no response", file=path, expected=expected)
+        for at in mode.at:
+            known = [(peak, band) for peak in at.response if (band := _find_band(peak))]
+            peaks = tuple(Response(peak.sensor, peak.quantity, peak.unit, band) for peak, band in known)
+            frequency = math.nan if at.frequency is None else at.frequency
+            if peaks:
+                place = At(at.level, bool(at.tested), frequency, _find_band(at.damping_ratio), peaks, (), at.input)
+                modes.setdefault(mode.frequency, []).append(place)
+    return EarlierCampaign(modes, form.level_unit)
+
+
+def _find_band(of: IntervalForm | PeakForm | None) -> Bounds | None:
+    """The band of a form; None unless it has a median and both ends."""
+    if of is None or of.median is None or of.low is None or of.high is None:
+        return None
+    return Bounds(of.median, of.low, of.high)
 
 
 def _read_limits(words: Sequence[str]) -> dict[str, float]:
@@ -186,43 +170,6 @@ def _frequencies(text: str | None) -> list[float]:
     if not all(0.0 < f < math.inf for f in frequencies) or len(set(frequencies)) < len(frequencies):
         raise InputError(f"--modes {text!r} is not understood", expected="different frequencies in Hz, F1,F2,...")
     return frequencies
-
-
-def _write_page(answer: Campaign) -> list[Section]:
-    """Write the page: the answer, damping of modes against level, and the response of every sensor at all levels."""
-    parts: dict[str, Block] = {
-        "modes": Table(tabulate_modes(answer), {"frequency, Hz": format_hertz}),
-        "limits": Table(tabulate_notches(answer)),
-        "outcomes": Table(tabulate_outcomes(answer)),
-        "files": Table(answer.summary.table),
-    }
-    for mode in answer.modes:
-        parts |= _draw_levels(mode, answer.input_name, answer.unit)
-        parts[f"{mode.name} damping"] = Table(tabulate_damping(mode, answer.unit))
-        parts[f"{mode.name} peaks"] = Table(tabulate_peaks(mode, answer.unit))
-    cautions = {mode.name: group_cautions(mode, answer.unit) for mode in answer.modes}
-    values = vars(answer) | {
-        **describe_answer(answer),
-        "cautions": cautions,
-        "input": answer.input_name,
-        "tested": answer.tested,
-        "hertz": format_hertz,
-    }
-    return write_sections(Path(__file__).with_suffix(".txt"), values, parts)
-
-
-def _draw_levels(mode: ModeAnswer, input_name: str, unit: str) -> dict[str, Block]:
-    """The figure of a mode by its name; none if only one level has a result."""
-    levels = pd.DataFrame(
-        {"level": at.input, "tested": at.tested, "frequency": at.frequency} | at.ratio._asdict()
-        for at in sorted(mode.places, key=lambda at: at.input)
-        if at.ratio
-    )
-    if len(levels) < 2:
-        return {}
-    words = f"Damping ratio and frequency of {mode.name} against the {input_name} in {unit}."
-    figure = mode_over_level(levels, describe_with_unit(input_name, unit))
-    return {mode.name: FigureBlock(to_svg(figure, f"{mode.name}-levels", mode.name, words), words)}
 
 
 def _show(answer: Campaign, out: Path) -> None:
@@ -253,8 +200,10 @@ def _show(answer: Campaign, out: Path) -> None:
     )
     for mode in answer.modes:
         left_out = [f"{mode.name} without {name}: {why}" for name, why in mode.left_out.items()]
-        notched = [f"{mode.name} at {describe_level(at, answer.unit)}" for at in mode.places if at.reached is not None]
-        for line in (*left_out, *notched, *mode.notches):
+        placed = [(f"{mode.name} at {describe_level(at, answer.unit)}", at) for at in mode.places]
+        notched = [where for where, at in placed if at.reached is not None]
+        refused = [f"{where}: {why}" for where, at in placed if (why := find_refusal(at.cautions))]
+        for line in (*left_out, *notched, *refused, *mode.notches):
             to.print(f"- {line}")
     for line in (*answer.changes, *answer.outcomes):
         to.print(f"- {line}")

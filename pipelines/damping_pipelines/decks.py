@@ -28,7 +28,7 @@ from unicodedata import combining, normalize
 import numpy as np
 
 from damping.errors import AnalysisError, InputError
-from damping.extrapolation.cautions import REFUSAL
+from damping.extrapolation.cautions import find_refusal
 from damping.extrapolation.plan import ROUNDING
 from damping.formats.quantity import find_powers
 from damping.formats.quantity import unit as named_unit
@@ -159,8 +159,7 @@ def _list_levels(form: Damped, drive: str, unit: str) -> tuple[dict[float, list[
                 levels[level][mode] = point
             continue
         at = f"amplitude {row['amplitude']}" if level is None else f"{drive} {level:g} {unit}".rstrip()
-        why = next((caution for caution in row["cautions"] if caution.startswith(REFUSAL)), "no damping predicted")
-        missing.append(f"left out: {mode} at {at}: {why}")
+        missing.append(f"left out: {mode} at {at}: {find_refusal(row['cautions']) or 'no damping predicted'}")
     return {level: sorted(of.values(), key=lambda point: point.frequency) for level, of in levels.items()}, missing
 
 

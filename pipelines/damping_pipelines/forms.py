@@ -189,6 +189,7 @@ class PeakForm(FormPart):
     """The peak of a sensor, null if it is not known."""
 
     sensor: str
+    quantity: str = ""
     unit: str
     median: Positive | None
     low: Positive | None

@@ -207,9 +207,7 @@ def predict_inputs(record: Input, ranking: Ranking, plan: Plan | None, level: fl
     plan, tested = judge_plan(plan, ranking, prepared.all_rows, seed), prepared.all_rows.tested_force
     forces = asked if len(asked) else np.array(FARTHEST) * tested.max()
     predicted = extrapolate_loads(plan.data, forces, level, seed, mode=prepared.mode, plan=plan)
-    against = AGREED
-    if len(asked):
-        against = compare_with_diagnosis(prepared.measured.driven, prepared.mode, predicted)
+    against = compare_with_diagnosis(prepared, predicted) if len(asked) else AGREED
     amplitudes = list_default_amplitudes(predicted)
     curve, drawn = (
         trace_loads(predict_forces(predicted, at, each=False), prepared.backbone, plan.data)

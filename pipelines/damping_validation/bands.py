@@ -16,7 +16,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 from damping import plots
 from damping.errors import InputError
 from damping.extrapolation import leave_higher_levels_out, predict_record
-from damping.extrapolation.cautions import REFUSAL
+from damping.extrapolation.cautions import find_refusal
 from damping.extrapolation.plan import Plan
 from damping.extrapolation.prediction import Loads
 from damping.extrapolation.prepared import prepare_record
@@ -119,7 +119,7 @@ def render_page(results: list[BandResult], seed: int) -> str:
             for band in results
         ],
         "citations": CITATIONS,
-        "why_refused": lambda cautions: next(why for why in cautions if why.startswith(REFUSAL)),
+        "why_refused": find_refusal,
         "titles": title_structures({band.name: band.mode.name for band in results}),
         "parts": {said: forms.PART + name for name, said in forms.PART_NAMES.items()},
     }

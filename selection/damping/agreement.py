@@ -15,7 +15,7 @@ from damping.effects import CATALOGUE, find_effect, list_lasting
 from damping.errors import AnalysisError
 from damping.extrapolation import Extrapolation, predict_record
 from damping.extrapolation.prediction import Loads
-from damping.extrapolation.prepared import prepare_record
+from damping.extrapolation.prepared import PreparedRecord, prepare_record
 from damping.forces import CATALOGUE as FORCES
 from damping.forces.contract import Force
 from damping.gap.corrected import corrected_mode
@@ -44,14 +44,11 @@ LEVEL = 0.9  #: content of the predictive band at that force
 
 
 def compare_with_diagnosis(
-    record: Record, mode: Mode, predicted: Extrapolation, progress: Progress = silent
+    prepared: PreparedRecord, predicted: Extrapolation, progress: Progress = silent
 ) -> Disagreement:
-    """Describe where the diagnosis of the simulation in the mode file contradicts predicted loads; empty if nowhere.
-
-    ``record``, ``mode``: under a modal force, as swept.
-    """
+    """Describe where the diagnosis of the simulation in the mode file contradicts predicted loads; empty if nowhere."""
     # where a law fits poorly, `describe_fall` may quote probabilities, which unnamed causes change
-    explained = _explain(record, mode, brief=predicted.plan.fit.verdict != "poor", progress=progress)
+    explained = _explain(prepared, brief=predicted.plan.fit.verdict != "poor", progress=progress)
     return compare(predicted, explained) if explained else AGREED
 
 
@@ -70,18 +67,21 @@ def compare_with_ranking(
     return compare(predicted, diagnosis)
 
 
-def doubt_misfit(record: Record, mode: Mode, fit: FitVerdict, progress: Progress = silent) -> Disagreement:
+def doubt_misfit(prepared: PreparedRecord, fit: FitVerdict, progress: Progress = silent) -> Disagreement:
     """Describe where the diagnosis contradicts a ranking in which no law fits; empty if they agree."""
-    explained = _explain(record, mode, brief=True, progress=progress)
+    explained = _explain(prepared, brief=True, progress=progress)
     return Disagreement(on_rows=describe_misfit(fit, explained) if explained else ())
 
 
-def _explain(record: Record, mode: Mode, *, brief: bool, progress: Progress) -> Explained | None:
-    """The explanations; None for a model without damping, or a record that no simulation can be compared with."""
-    if not mode.damping:
+def _explain(prepared: PreparedRecord, *, brief: bool, progress: Progress) -> Explained | None:
+    """The explanations; None for a model without damping, or a record that no simulation can be compared with.
+
+    They are of the rows under a modal force, as swept.
+    """
+    if not prepared.mode.damping:
         return None
     with suppress(AnalysisError), unknown_length(progress, "comparing", HYPOTHESES) as report:
-        return explain(record, mode, brief=brief, done=report)
+        return explain(prepared.measured.driven, prepared.mode, brief=brief, done=report)
     return None
 
 

@@ -69,9 +69,7 @@ def rank(
         return RankingResult(ranking, prepared)
     from damping.agreement import doubt_misfit  # noqa: PLC0415 - where a law fits, no diagnosis is loaded
 
-    return RankingResult(
-        ranking, prepared, doubt_misfit(prepared.measured.driven, prepared.mode, ranking.fit, progress)
-    )
+    return RankingResult(ranking, prepared, doubt_misfit(prepared, ranking.fit, progress))
 
 
 @single_threaded
@@ -109,7 +107,7 @@ def extrapolate(
     prepared = prepare_record(record, mode, check(record, mode).require(despite))
     predicted = predict_record(prepared, under, (1.0,), level, seed, progress=watch(progress))
     predicted = replace(predicted, loads=predict_forces(predicted, at)) if len(at) else predicted
-    against = compare_with_diagnosis(prepared.measured.driven, prepared.mode, predicted, progress)
+    against = compare_with_diagnosis(prepared, predicted, progress)
     return LoadsResult(predicted, prepared, against)
 
 
@@ -146,7 +144,7 @@ def curve(
     asked = [predict_forces(predicted, reached, each=False)] if len(reached) else []
     asked += [predicted.loads] if len(under) else []
     compared = replace(predicted, loads=asked[0]) if len(at) and not len(under) else predicted
-    against = compare_with_diagnosis(prepared.measured.driven, prepared.mode, compared, progress)
+    against = compare_with_diagnosis(prepared, compared, progress)
     traced = join_rows([trace_loads(loads, prepared.backbone, prepared.data) for loads in asked])
     return CurveResult(predicted, prepared, against, curve=traced)
 

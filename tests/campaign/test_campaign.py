@@ -28,7 +28,7 @@ from scipy.integrate import solve_ivp
 from damping.api import rank
 from damping.campaign import analyse, find_notches
 from damping.campaign.answer import Campaign, ModeAnswer
-from damping.campaign.comparison import compare_predictions, describe_changes
+from damping.campaign.comparison import EarlierCampaign, compare_predictions, describe_changes
 from damping.campaign.decays import decay_modes
 from damping.campaign.modal_fit import Level
 from damping.campaign.records import describe_lost, fit_levels, tie_modes
@@ -36,7 +36,7 @@ from damping.campaign.responses import find_input
 from damping.campaign.runs import CampaignRun, Corrections, DesignLevel, read_corrections
 from damping.campaign.sources import read_runs
 from damping.campaign.tracked import Source
-from damping.campaign.values import At, Bounds, Response, SensorPrediction
+from damping.campaign.values import At, Bounds, Response
 from damping.errors import AnalysisError, InputError
 from damping.formats.arrays import read_arrays
 from damping.formats.series import Stated, Summary
@@ -44,8 +44,8 @@ from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping_pipelines.campaign import _read_predictions, _write_page
-from damping_pipelines.campaign_tables import describe_answer, tabulate_damping, tabulate_modes
+from damping_pipelines.campaign import _read_earlier
+from damping_pipelines.campaign_page import describe_answer, tabulate_damping, tabulate_modes, write_page
 from damping_pipelines.manifest import digest, verify
 from damping_pipelines.study_files import read_settings
 from tests.campaign.linear import accelerate
@@ -904,10 +904,7 @@ def test_a_wide_notch_ends_where_the_motion_is_as_large(design, ends):
     [
         ({"limits": {"ridge": 1.0}}, "--limit of no sensor 'ridge'; expected one of roof, mid, low"),
         ({"limits": {"roof": 1.0}}, "--limit of free decays; expected no --limit"),
-        (
-            {"before": [SensorPrediction(0.7, 1.0, True, "roof", "m/s^2", Bounds(1.0, 1.0, 1.0))]},
-            "--previous of free decays",
-        ),
+        ({"before": EarlierCampaign({})}, "--previous of free decays"),
     ],
 )
 def test_what_free_decays_have_not_is_refused(tmp_path, options, message):
@@ -915,8 +912,8 @@ def test_what_free_decays_have_not_is_refused(tmp_path, options, message):
         analyse([decayed(tmp_path / "d.csv", 0.005)], **options)
 
 
-def test_levels_in_another_unit_are_not_compared(tmp_path, monkeypatch):
-    """An earlier campaign in N says nothing of one in g; one in another name of the same unit does."""
+def test_levels_in_another_unit_are_refused_before_the_work(tmp_path, monkeypatch):
+    """A level in N, earlier or to be designed for, says nothing of a drive in m/s^2; one in m/s2 does."""
     monkeypatch.setattr("damping.campaign.fit_right_levels", lambda *_: pytest.fail("analysed"))
     with h5py.File(tmp_path / "sine.h5", "w") as file:
         for name, value in (("frequency", np.arange(5.0, 35.0)), ("control", np.ones(30)), ("tip", np.ones(30) + 1.0j)):
@@ -934,18 +931,26 @@ def test_levels_in_another_unit_are_not_compared(tmp_path, monkeypatch):
     ):
         (tmp_path / "campaign.json").write_text(json.dumps(form | stated))
         with pytest.raises(error, match=said):
-            analyse([tmp_path / "sine.h5"], before=_read_predictions(tmp_path / "campaign.json"))
+            analyse([tmp_path / "sine.h5"], before=_read_earlier(tmp_path / "campaign.json"))
+    for stated, error, said in (
+        ("N", InputError, r"--design in N; expected levels in m/s\^2, the unit of the drive"),
+        ("m/s2", pytest.fail.Exception, "analysed"),
+        ("", pytest.fail.Exception, "analysed"),
+    ):
+        with pytest.raises(error, match=said):
+            analyse([tmp_path / "sine.h5"], design=[DesignLevel(np.array([20.0]), np.array([1.0]), stated)])
 
 
-def predicted(level: float, tested: bool) -> SensorPrediction:
+def predicted(level: float, tested: bool) -> At:
     """The closed form of :func:`steady_peak` as predicted, 10 % either way."""
     peak = steady_peak(level)[0]
-    return SensorPrediction(50.0, level, tested, "tip", "g", Bounds(peak, 0.9 * peak, 1.1 * peak))
+    response = Response("tip", "acceleration", "g", Bounds(peak, 0.9 * peak, 1.1 * peak))
+    return At(level, tested, 50.0, None, (response,), ())
 
 
 def test_a_run_is_held_against_what_was_predicted(bare_mode):
     """Tested before: nothing is said; new: the peak beside the band; a notched run counts with its input there."""
-    before = [predicted(level, level < 1.0) for level in np.geomspace(0.5, 2.0, 9)]
+    before = EarlierCampaign({50.0: [predicted(level, level < 1.0) for level in np.geomspace(0.5, 2.0, 9)]})
     places = [
         At(level, True, 50.0, None, (Response("tip", "acceleration", "g", Bounds(size, size, size)),), (), reached)
         for level, reached, size in (
@@ -964,12 +969,12 @@ def test_a_run_is_held_against_what_was_predicted(bare_mode):
     assert compare_predictions(before, Campaign((bare_mode(60.0, elsewhere),), (), (), "g")) == ()
 
 
-def known(level: float, tested: bool, frequency: float = 50.0, z: float = 0.01) -> list[SensorPrediction]:
-    """Peaks of two sensors, 2/z and 1/z times the level, 2 % either way, with the frequency and damping there."""
-    return [
-        SensorPrediction(frequency, level, tested, name, "g", banded(share * level / z), frequency, banded(z))
-        for name, share in (("tip", 2.0), ("root", 1.0))
-    ]
+def known(*tested: float, predicted: float | None = None) -> EarlierCampaign:
+    """One mode of 50 Hz and a damping ratio of 1 % at each level."""
+    places = [place(level, 50.0, 0.01) for level in tested]
+    if predicted is not None:
+        places.append(replace(place(predicted, 50.0, 0.01), tested=False))
+    return EarlierCampaign({50.0: places})
 
 
 def banded(value: float) -> Bounds:
@@ -977,7 +982,7 @@ def banded(value: float) -> Bounds:
 
 
 def place(level: float, frequency: float, z: float, gain: float = 1.0) -> At:
-    """A measured level of the structure of ``known``; ``gain``: of the sensor root."""
+    """A measured level: peaks of two sensors, 2/z and 1/z times the level, 2 % either way; ``gain``: of root."""
     peaks = [
         Response(name, "acceleration", "g", banded(share * level / z)) for name, share in (("tip", 2.0), ("root", gain))
     ]
@@ -995,7 +1000,7 @@ def place(level: float, frequency: float, z: float, gain: float = 1.0) -> At:
     ],
 )
 def test_levels_that_were_tested_before_are_compared(bare_mode, frequency, z, gain, words):
-    before = [*known(0.5, True), *known(1.0, True), *known(2.0, False)]
+    before = known(0.5, 1.0, predicted=2.0)
     places = [place(level, frequency, z, gain) for level in (0.5, 1.0)]
     lines = describe_changes(before, Campaign((bare_mode(frequency, places),), (), (), "g"))
     if not words:
@@ -1010,7 +1015,7 @@ def test_levels_that_were_tested_before_are_compared(bare_mode, frequency, z, ga
 
 
 def test_a_new_level_has_its_frequency_and_damping_beside_the_predicted(bare_mode):
-    before = [*known(0.5, True), *known(1.0, True), *known(2.0, False)]
+    before = known(0.5, 1.0, predicted=2.0)
     mode = bare_mode(50.0, [place(1.0, 50.0, 0.01), place(2.0, 49.5, 0.013), place(4.0, 50.0, 0.01)])
     assert describe_changes(before, Campaign((mode,), (), (), "g")) == (
         "mode-1 at 2 g: 49.5 Hz (50 predicted, -1.0 %); damping 1.3 % (1, 0.98 to 1.02 predicted, OUTSIDE)",
@@ -1018,7 +1023,7 @@ def test_a_new_level_has_its_frequency_and_damping_beside_the_predicted(bare_mod
     )
     (as_predicted,) = describe_changes(before, Campaign((bare_mode(50.0, [place(2.0, 49.999, 0.01)]),), (), (), "g"))
     assert as_predicted.startswith("mode-1 at 2 g: 49.999 Hz (50 predicted, +0.0 %)")
-    unknown = [replace(row, ratio=None) for row in before]
+    unknown = EarlierCampaign({50.0: [replace(at, ratio=None) for at in before.modes[50.0]]})
     assert describe_changes(unknown, Campaign((replace(mode, places=mode.places[1:]),), (), (), "g")) == (
         "mode-1 at 2 g: the earlier campaign has no frequency and damping there",
         "mode-1 at 4 g: outside the levels of the earlier campaign, nothing to compare",
@@ -1027,24 +1032,26 @@ def test_a_new_level_has_its_frequency_and_damping_beside_the_predicted(bare_mod
 
 def test_a_single_level_is_compared_with_itself(bare_mode):
     mode = bare_mode(49.0, [place(1.0, 49.0, 0.01)])
-    (line,) = describe_changes(known(1.0, True), Campaign((mode,), (), (), "g"))
+    (line,) = describe_changes(known(1.0), Campaign((mode,), (), (), "g"))
     assert line.startswith("mode-1 at 1 g, tested before, has changed: 49 Hz (50 then, -2.0 %)")
 
 
 def test_modes_without_a_counterpart_are_named(bare_mode):
-    before = [*known(0.5, True), *known(1.0, True)]
+    before = known(0.5, 1.0)
     mode = bare_mode(46.0, [place(level, 46.0, 0.01) for level in (0.5, 1.0)])
     assert describe_changes(before, Campaign((mode,), (), (), "g")) == (
         "mode-1, 46 Hz: the earlier campaign has no mode within 5 %, the nearest at 50 Hz",
         "the mode of the earlier campaign at 50 Hz: none here within 5 %",
     )
-    assert describe_changes((), Campaign((mode,), (), (), "g")) == ()
+    assert describe_changes(EarlierCampaign({}), Campaign((mode,), (), (), "g")) == ()
 
 
 def test_of_two_close_modes_the_nearer_is_compared(bare_mode):
     """Both lie within the 5 % that make a mode the same."""
-    before = [row for f, z in ((50.0, 0.01), (51.5, 0.02)) for level in (0.5, 2.0) for row in known(level, False, f, z)]
-    for frequency, z in ((50.0, 0.01), (51.5, 0.02)):
+    modes = {50.0: 0.01, 51.5: 0.02}
+    levels = {f: [replace(place(level, f, z), tested=False) for level in (0.5, 2.0)] for f, z in modes.items()}
+    before = EarlierCampaign(levels)
+    for frequency, z in modes.items():
         mode = bare_mode(frequency, [place(1.0, frequency, z)])
         found = compare_predictions(before, Campaign((mode,), (), (), "g"))
         np.testing.assert_allclose([one.above_db for one in found], 0.0, atol=1e-9)
@@ -1119,11 +1126,11 @@ def test_a_mode_with_less_than_a_window_in_every_decay_is_refused(tmp_path):
 
 
 def test_the_page_of_a_repeated_campaign_says_what_changed(bare_mode):
-    before = [*known(0.5, True), *known(1.0, True)]
+    before = known(0.5, 1.0)
     mode = bare_mode(50.0, [place(level, 50.0, 0.02) for level in (0.5, 1.0)])
     answer = Campaign((mode,), (0.5, 1.0), (), "g", level_name="force")
     answer = replace(answer, changes=describe_changes(before, answer))
-    (section,) = (section for section in _write_page(answer) if section.title == "Predicted and measured")
+    (section,) = (section for section in write_page(answer) if section.title == "Predicted and measured")
     text = str(section)
     assert "No peak was predicted." in text
     assert "mode-1 at 0.5 g, tested before, has changed" in text
@@ -1243,13 +1250,13 @@ def test_the_page_begins_with_the_answer(bare_mode, no_drawing):
     assert values["doubts"] == ["rms or peak?", "the mode near 9 Hz is lost"]
     of_answer = [own for own in values["gravest"] if "beyond-model" not in own[0]]  # a finding on the bare record
     assert of_answer == [("no law leads", ["mode-1"]), ("root is left out: clipped", ["mode-2"])]
-    page = str(_write_page(answer)[0])
+    page = str(write_page(answer)[0])
     assert "Largest predicted response: at 4 g expect 8.00 g (7.00 to 9.00 g, 90 % predictive band) at tip" in page
     assert "; at 4 g expect 2.00 mm" in page
-    page = str(_write_page(replace(answer, modes=(same,)))[0])
+    page = str(write_page(replace(answer, modes=(same,)))[0])
     assert "Nothing is predicted at a design level. Largest measured response: at 2 g, 400 g (" in page
     assert "90 % band of the measurement) at tip in mode-2" in page
-    assert "Least damping: 3.00 % of critical (" in str(_write_page(replace(answer, level_name="amplitude"))[0])
+    assert "Least damping: 3.00 % of critical (" in str(write_page(replace(answer, level_name="amplitude"))[0])
 
 
 def test_a_mode_that_the_audit_refuses(tmp_path, damping, monkeypatch, bare_mode):
@@ -1270,7 +1277,6 @@ def test_a_mode_that_the_audit_refuses(tmp_path, damping, monkeypatch, bare_mode
     ("header", "rows", "said"),
     [
         ("frequency [rpm],level [g rms]", "1200,1\n4800,2\n", ""),
-        ("frequency [Hz],level [m/s^2]", "20,1\n80,2\n", "--design in m/s^2; expected levels in g"),
         ("frequency [furlong],level", "20,1\n80,2\n", "design.csv: frequency in furlong; expected one of hz"),
     ],
 )
@@ -1290,6 +1296,19 @@ def test_a_table_of_design_levels_is_in_the_units_of_its_header(tmp_path, dampin
     if not said:
         np.testing.assert_allclose(asked[0].frequency, [20.0, 80.0], rtol=1e-15)
         np.testing.assert_allclose(asked[0].level, [2**0.5, 8**0.5], rtol=1e-15)
+
+
+def test_the_terminal_gives_the_reason_of_a_dash(tmp_path, damping, monkeypatch, bare_mode):
+    why = "no prediction: friction locks the mode at this force"
+    held = At(0.2, False, np.nan, None, (), ("beyond the test: 2.00 times the largest tested force", why))
+    mode = bare_mode(41.0, [At(0.1, True, 41.0, Bounds(0.01, 0.009, 0.011), (), ()), held])
+    answer = Campaign((mode,), (0.1,), (0.2,), "g", level_name="base acceleration")
+    monkeypatch.setattr("damping_pipelines.campaign.analyse", lambda *_: answer)
+    (tmp_path / "run.csv").write_text("lo")
+    run = damping("campaign", tmp_path / "run.csv", "--out", tmp_path / "out")
+    assert run.code == 0
+    assert run.out.count("mode-1 at") == 1
+    assert f"- mode-1 at 0.2 g: {why}" in " ".join(run.out.split())
 
 
 def test_a_study_file_holds_any_name(tmp_path, damping, monkeypatch, bare_mode):

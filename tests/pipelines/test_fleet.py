@@ -29,7 +29,7 @@ from damping.records.text import read_bytes
 from damping.report import format_force_text, format_length_band, format_percent_ratio
 from damping_pipelines import fleet as command
 from damping_pipelines.fleet import fleet, runners
-from damping_pipelines.fleet.analyse import analyse, failed
+from damping_pipelines.fleet.analyse import analyse, failed, limit_time
 from damping_pipelines.fleet.dataset import (
     FleetDataSet,
     FleetResult,
@@ -509,6 +509,15 @@ def test_a_record_that_takes_too_long_is_given_up(records, monkeypatch):
     thread.join()
     assert rows[0]["status"] == "failed"
     assert rows[0]["reason"] == "out of time: it took more than 0.2 s (--time-limit)"
+
+
+def test_any_time_may_be_allowed(monkeypatch):
+    """More than a clock can wait for, too: no thread fails with a traceback."""
+    errors = []
+    monkeypatch.setattr(threading, "excepthook", errors.append)
+    with limit_time(float("inf")):
+        time.sleep(0.02)
+    assert not errors
 
 
 def count_for_ever(task: FleetTask) -> FleetResult:

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from damping.campaign.answer import LEAST_SPREAD, NORMAL_90, Campaign, ModeAnswer, predict_mode, read_curve
-from damping.campaign.comparison import compare_predictions, describe_changes
+from damping.campaign.answer import LEAST_SPREAD, NORMAL_90, Campaign, ModeAnswer, predict_at, predict_mode
+from damping.campaign.comparison import EarlierCampaign, compare_predictions, describe_changes
 from damping.campaign.decays import answer_decays
 from damping.campaign.delays import describe_delay, measure_delay
 from damping.campaign.modal_fit import MOVED, Level
@@ -23,7 +23,7 @@ from damping.campaign.responses import Forecast, add_responses, describe_turned,
 from damping.campaign.runs import CampaignRun, Corrections, DesignLevel
 from damping.campaign.sensors import check_drives, describe_shares
 from damping.campaign.sources import read_runs
-from damping.campaign.values import At, Bounds, SensorPrediction
+from damping.campaign.values import At, Bounds
 from damping.errors import InputError
 from damping.extrapolation.curve import trace_loads
 from damping.extrapolation.prepared import PreparedRecord
@@ -48,7 +48,7 @@ def analyse(
     max_size: int = DEFAULT_MAX_SIZE,
     corrections: Corrections | None = None,
     limits: Mapping[str, float] | None = None,
-    before: Sequence[SensorPrediction] = (),
+    before: EarlierCampaign | None = None,
     facts: Stated | None = None,
 ) -> Campaign:
     """Analyse the files of a campaign.
@@ -59,11 +59,11 @@ def analyse(
         frequencies: of the modes, Hz, if they are not to be searched.
         corrections: of the content of the files.
         limits: largest allowed reading, by sensor, in its unit.
-        before: predictions made before these runs.
+        before: what was known before these runs.
         facts: columns and units of tables of steady states.
 
     InputError: files that are not understood, limits or earlier predictions for free decays, which have no input, or
-    earlier predictions at levels in another unit.
+    earlier predictions or design levels in another unit.
     AnalysisError: no mode can be followed over the levels.
     """
     runs, summary = read_runs(files, max_size, corrections, facts)
@@ -73,18 +73,29 @@ def analyse(
     unknown = next((name for name in limits or {} if name not in names), None)
     if unknown is not None:
         raise InputError(f"--limit of no sensor {unknown!r}", expected=f"one of {', '.join(names)}")
+    of = runs[0].channels[0].unit if runs[0].is_time else runs[0].drive_unit
+    for text in (level.unit for level in inputs):
+        _require_unit(text, of, f"--design in {text}", f"levels in {of}, the unit of the drive")
     if runs[0].is_time:
         if limits or before:
             option = "--limit" if limits else "--previous"
             raise InputError(f"{option} of free decays", expected=f"no {option}: it is for peaks under an input")
         return _with_summary(answer_decays(runs, inputs, frequencies, seed, summary), summary)
-    of, earlier = runs[0].drive_unit, next((row.level_unit for row in before), "")
-    if earlier and not unit(earlier).agrees_with(unit(of)):
-        raise InputError(f"levels in {earlier} of --previous, in {of} of these files", expected="levels in one unit")
+    if before:
+        stated = f"levels in {before.unit} of --previous, in {of} of these files"
+        _require_unit(before.unit, of, stated, "levels in one unit")
     trusted = [name for name in names if corrections and corrections.of(name).role == "sensor"]
     campaign = _with_summary(_answer_sweeps(runs, inputs, frequencies, seed, summary, trusted, limits or {}), summary)
+    if before is None:
+        return campaign
     outcomes, changes = compare_predictions(before, campaign), describe_changes(before, campaign)
     return replace(campaign, outcomes=outcomes, changes=changes)
+
+
+def _require_unit(text: str, of: str, stated: str, expected: str) -> None:
+    """InputError for levels in a unit other than that ``of`` the files; '' where one of them is not stated."""
+    if text and of and text != of and not unit(text).agrees_with(unit(of)):
+        raise InputError(stated, expected=expected)
 
 
 def _require_held(runs: Sequence[CampaignRun], frequencies: Sequence[float]) -> None:
@@ -155,21 +166,18 @@ def _forecast(
     moved = [_is_moved(f, z, float(at)) for at, (f, z) in zip(mode.frequency, steady, strict=True)]
     straight = [lev for lev, bent in zip(levels, moved, strict=True) if not bent] or levels
     places, shown = [], []
-    for k, level in enumerate(asked):
-        measured = k < len(levels)
-        if measured:
-            spread, (frequency, z) = NORMAL_90 * float(hypot(mode.ratio_sd[k], LEAST_SPREAD)), steady[k]
-            ratio = Bounds.about(z, spread)
-            errors = _find_errors(mode, levels[k], k, *steady[k], read=moved[k])
-        else:
-            frequency, ratio, errors = read_curve(curve, k)
-        cautions = (*prediction.cautions(() if measured else curve.cautions[k]), *mode.cautions)
-        shown.append(levels[k] if measured and (all(moved) or not moved[k]) else straight[-1])
-        stated, reached = float(levels[k].run.level or 0.0) if measured else level, None
-        if stated != level:
-            cautions, reached = (*cautions, f"notched: the input at this mode was {level:.3g} {run.drive_unit}"), level
-        known = ratio if isfinite(frequency) and isfinite(sum(ratio)) else None
-        places.append(At(stated, measured, frequency, known, (), cautions, reached, *(errors if known else ())))
+    for k, (level, reached) in enumerate(zip(levels, tested, strict=True)):
+        ratio = Bounds.about(steady[k][1], NORMAL_90 * float(hypot(mode.ratio_sd[k], LEAST_SPREAD)))
+        errors = _find_errors(mode, level, k, *steady[k], read=moved[k])
+        cautions, stated = (*prediction.cautions(), *mode.cautions), float(level.run.level or 0.0)
+        if notched := reached != stated:
+            cautions = (*cautions, f"notched: the input at this mode was {reached:.3g} {run.drive_unit}")
+        places.append(At(stated, True, steady[k][0], ratio, (), cautions, reached if notched else None, *errors))
+        shown.append(level if all(moved) or not moved[k] else straight[-1])
+    for k, at in enumerate(asked[len(levels) :], len(levels)):
+        cautions = (*prediction.cautions(curve.cautions[k]), *mode.cautions)
+        places.append(predict_at(curve, k, at, cautions))
+        shown.append(straight[-1])
     answer = prediction.answer(places, mode.left_out, [float(of_force * level) for level in wanted])
     return Forecast(mode, answer, tuple(shown), is_steady=not prepared.measured.notes)
 

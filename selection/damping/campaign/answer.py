@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from damping.campaign.values import At, Bounds, Notch, Outcome
+from damping.campaign.values import At, Bounds, Notch, Outcome, Response
 from damping.extrapolation import Extrapolation, predict_record
 from damping.extrapolation.curve import Curve
 from damping.extrapolation.prepared import PreparedRecord, prepare_record
@@ -91,11 +91,15 @@ def predict_mode(record: Record, mode: Mode, forces: Sequence[float], seed: int)
     return PredictedMode(record, mode, prepared, predicted, law)
 
 
-def read_curve(curve: Curve, row: int) -> tuple[float, Bounds, tuple[float, float]]:
-    """Frequency (Hz), band of the damping ratio, and standard errors of both of a row, as of a normal."""
+def predict_at(
+    curve: Curve, row: int, level: float, cautions: tuple[str, ...], response: tuple[Response, ...] = ()
+) -> At:
+    """A design level by a row of the curve, with standard errors as of a normal; without a band no damping is known."""
     f, zeta = curve.frequency.form(row), curve.damping_ratio.form(row)
-    errors = tuple((band["high"] - band["low"]) / (2.0 * NORMAL_90) for band in (f, zeta))
-    return f["median"], Bounds(**zeta), (errors[0], errors[1])
+    if not np.isfinite([f["median"], *zeta.values()]).all():
+        return At(level, False, f["median"], None, response, cautions)
+    errors = ((band["high"] - band["low"]) / (2.0 * NORMAL_90) for band in (f, zeta))
+    return At(level, False, f["median"], Bounds(**zeta), response, cautions, None, *errors)
 
 
 @dataclass(frozen=True)

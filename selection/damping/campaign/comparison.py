@@ -1,26 +1,40 @@
 """A campaign beside an earlier one: peaks against their predictions, and what has changed in modes and levels."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from damping.arrays import FloatArray, interpolate_logs
 from damping.campaign.answer import Campaign
-from damping.campaign.values import At, Bounds, Outcome, SensorPrediction
+from damping.campaign.values import At, Bounds, Outcome
 
 SAME_MODE = 0.05  #: modes of two campaigns are the same if their frequencies differ by less than this share
 SAME_LEVEL = 0.01  #: levels of two campaigns are the same if they differ by less than this share
 SHIFTED = 0.01  #: shift of a frequency, relative, that is reported at a level tested before: remounting shifts by less
 
 
-def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) -> tuple[Outcome, ...]:
-    """Compare every newly tested level with ``before``, the predicted and tested peaks of the earlier campaign.
+@dataclass(frozen=True)
+class EarlierCampaign:
+    """What is known of an earlier campaign: the levels of each mode, with their peaks, by its frequency in Hz."""
+
+    modes: Mapping[float, Sequence[At]]
+    unit: str = ""  #: of levels; '' where it is not stated
+
+    def find_mode(self, frequency: float) -> tuple[float, Sequence[At]]:
+        """Frequency of the mode nearest to a frequency, and its levels; no levels if it is not the same mode."""
+        nearest = min(self.modes, key=lambda other: abs(other / frequency - 1.0), default=np.inf)
+        return nearest, self.modes[nearest] if abs(nearest / frequency - 1.0) < SAME_MODE else ()
+
+
+def compare_predictions(before: EarlierCampaign, campaign: Campaign) -> tuple[Outcome, ...]:
+    """Compare the peaks of every newly tested level with those that were predicted and tested before.
 
     Between levels a peak is interpolated linearly on logarithmic axes; outside there is no prediction.
     """
     predictions = []
     for mode in campaign.modes:
-        near = _select_mode(before, mode.frequency)
+        near = before.find_mode(mode.frequency)[1]
         for at in (at for at in mode.places if at.tested and not _was_tested(near, at)):
             for response in at.response:
                 known = _interpolate(_list_peaks(near, response.sensor, response.unit), at.input)
@@ -30,39 +44,36 @@ def compare_predictions(before: Sequence[SensorPrediction], campaign: Campaign) 
     return tuple(predictions)
 
 
-def describe_changes(before: Sequence[SensorPrediction], campaign: Campaign) -> tuple[str, ...]:
+def describe_changes(before: EarlierCampaign, campaign: Campaign) -> tuple[str, ...]:
     """A line for each mode at each new level, each changed level, and each mode or level without a counterpart."""
-    if not before:
+    if not before.modes:
         return ()
     lines: list[str] = []
     matched = set()
     for mode in campaign.modes:
-        near = _select_mode(before, mode.frequency)
+        nearest, near = before.find_mode(mode.frequency)
         if not near:
-            nearest = min((row.frequency for row in before), key=lambda other: abs(other / mode.frequency - 1.0))
             no = f"the earlier campaign has no mode within {100 * SAME_MODE:g} %, the nearest at {nearest:.4g} Hz"
             lines.append(f"{mode.name}, {mode.frequency:.4g} Hz: {no}")
             continue
-        matched.add(near[0].frequency)
+        matched.add(nearest)
         for at in (at for at in mode.places if at.tested):
             lines += (f"{mode.name} at {at.input:.3g} {campaign.unit}{line}" for line in _describe_level(near, at))
-    for frequency in sorted({row.frequency for row in before} - matched):
+    for frequency in sorted(before.modes.keys() - matched):
         lines.append(f"the mode of the earlier campaign at {frequency:.4g} Hz: none here within {100 * SAME_MODE:g} %")
     return tuple(lines) or ("every level was tested before, and frequency, damping and peaks are the same",)
 
 
-def _describe_level(near: Sequence[SensorPrediction], at: At) -> Iterator[str]:
+def _describe_level(near: Sequence[At], at: At) -> Iterator[str]:
     """At most one line on frequency and damping beside those known; and on the peaks at a level tested before."""
     tested = _was_tested(near, at)
-    modal = {row.level: (row.at_frequency, *row.ratio) for row in near if row.ratio and None not in row.ratio}
+    modal = {earlier.input: (earlier.frequency, *earlier.ratio) for earlier in near if earlier.ratio}
     known = _interpolate(modal, at.input)
     if known is None:
-        outside = _interpolate({row.level: row.band for row in near}, at.input) is None
-        yield (
-            ": outside the levels of the earlier campaign, nothing to compare"
-            if outside
-            else ": the earlier campaign has no frequency and damping there"
-        )
+        if _is_within({earlier.input for earlier in near}, at.input):
+            yield ": the earlier campaign has no frequency and damping there"
+        else:
+            yield ": outside the levels of the earlier campaign, nothing to compare"
         return
     word = "then" if tested else "predicted"
     frequency, *ratio = known
@@ -84,19 +95,14 @@ def _describe_level(near: Sequence[SensorPrediction], at: At) -> Iterator[str]:
         yield f"{', tested before, has changed' if tested else ''}: {'; '.join(parts)}"
 
 
-def _select_mode(before: Sequence[SensorPrediction], frequency: float) -> list[SensorPrediction]:
-    """Rows of the earlier mode that is nearest in frequency; none if it is not the same."""
-    near = min((row.frequency for row in before), key=lambda other: abs(other / frequency - 1.0), default=np.inf)
-    return [row for row in before if row.frequency == near] if abs(near / frequency - 1.0) < SAME_MODE else []
+def _was_tested(near: Sequence[At], at: At) -> bool:
+    return any(earlier.tested and abs(earlier.input / at.input - 1.0) < SAME_LEVEL for earlier in near)
 
 
-def _was_tested(near: Sequence[SensorPrediction], at: At) -> bool:
-    return any(row.tested and abs(row.level / at.input - 1.0) < SAME_LEVEL for row in near)
-
-
-def _list_peaks(near: Sequence[SensorPrediction], sensor: str, unit: str) -> dict[float, Bounds]:
+def _list_peaks(near: Sequence[At], sensor: str, unit: str) -> dict[float, Bounds]:
     """Peak of a sensor by level."""
-    return {row.level: row.band for row in near if (row.sensor, row.unit) == (sensor, unit)}
+    peaks = ((at.input, peak) for at in near for peak in at.response)
+    return {level: peak.band for level, peak in peaks if (peak.sensor, peak.unit) == (sensor, unit)}
 
 
 def _are_apart(band: Bounds, other: Iterable[float]) -> bool:
@@ -105,9 +111,13 @@ def _are_apart(band: Bounds, other: Iterable[float]) -> bool:
     return bool(band.low > high or band.high < low)
 
 
-def _interpolate(rows: Mapping[float, Sequence[float | None]], level: float) -> FloatArray | None:
+def _is_within(levels: Collection[float], level: float) -> bool:
+    return bool(levels) and min(levels) * (1.0 - SAME_LEVEL) <= level <= max(levels) * (1.0 + SAME_LEVEL)
+
+
+def _interpolate(rows: Mapping[float, Sequence[float]], level: float) -> FloatArray | None:
     """Values at a level at or between those of ``rows``, by level, on logarithmic axes; None outside, or if unknown."""
-    if not rows or not min(rows) * (1.0 - SAME_LEVEL) <= level <= max(rows) * (1.0 + SAME_LEVEL):
+    if not _is_within(rows, level):
         return None
     known = np.array([rows[at] for at in sorted(rows)], dtype=np.float64)
     values = [interpolate_logs(level, sorted(rows), column) for column in known.T]

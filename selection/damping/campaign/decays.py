@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray, interpolate_logs
-from damping.campaign.answer import LEAST_SPREAD, LEVEL, NORMAL_90, Campaign, ModeAnswer, predict_mode, read_curve
+from damping.campaign.answer import LEAST_SPREAD, LEVEL, NORMAL_90, Campaign, ModeAnswer, predict_at, predict_mode
 from damping.campaign.decay_shapes import describe_unshaped, find_loudest, find_shapes, list_unused
 from damping.campaign.runs import CampaignRun, Channel, DesignLevel
 from damping.campaign.sensors import find_unfit_sensors
@@ -203,11 +203,8 @@ def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], 
     loads = predict_forces(prediction.predicted, asked, each=False)
     curve = trace_loads(loads, backbone, prediction.prepared.data)
     for k, level in enumerate(beyond):
-        frequency, ratio, errors = read_curve(curve, k)
         cautions = (*mode.cautions, *prediction.cautions(curve.cautions[k]))
-        response = tuple(_list_shaped(run, mode, level))
-        known = (ratio, response, cautions, None, *errors) if np.isfinite(ratio).all() else (None, response, cautions)
-        places.append(At(level, False, frequency, *known))
+        places.append(predict_at(curve, k, level, cautions, tuple(_list_shaped(run, mode, level))))
     forces = [float(force) for force in curve.force.median if np.isfinite(force)]
     return prediction.answer(places, mode.left_out, forces)
 

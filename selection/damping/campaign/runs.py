@@ -197,6 +197,7 @@ class DesignLevel:
 
     frequency: FloatArray
     level: FloatArray
+    unit: str = ""  #: as stated, if it is
 
     def __post_init__(self) -> None:
         wrong = self.level[~((self.level >= SMALLEST) & (self.level <= LARGEST))]

@@ -23,7 +23,7 @@ from damping.formats.levels import find_level
 from damping.formats.named import read_facts, require_linear, to_series
 from damping.formats.quantity import find_powers, unit
 from damping.formats.sensors import SensorColumns, group_columns
-from damping.formats.series import Samples, Series, Summary, require_finite
+from damping.formats.series import Samples, Series, require_finite
 from damping.formats.steady import FOLLOWS, measure_turn
 from damping.formats.sweeps import join_refined
 from damping.formats.tables import SensorTable, read_tables
@@ -78,13 +78,6 @@ class _Content:
         return level[1] if level and any(abs(abs(x) - level[0]) <= LABEL_AGREES * level[0] for x in sizes) else ""
 
 
-def _find_peak_factor(name: str, scaling: str | None, summary: Summary) -> float:
-    """Factor of a channel to peak values, by the scaling in its header or unit; other than peak is said."""
-    if scaling not in (None, "peak"):
-        summary.add(f"amplitudes of {name!r}", f"{scaling}, made peak values", "found in the file")
-    return SCALINGS[scaling or "peak"]
-
-
 def read_table_runs(source: Source) -> list[CampaignRun]:
     """The runs of a file with one or several tables of steady states.
 
@@ -100,8 +93,7 @@ def read_table_runs(source: Source) -> list[CampaignRun]:
 
 def _read_content(table: SensorTable, source: Source, *, is_only: bool) -> _Content | None:
     """The content of a table; None of one without phases, such as a list of modes, unless it ``is_only``."""
-    stated = source.stated
-    out = [name for name, channel in stated.channels.items() if channel.role == "out"]
+    out = [name for name, channel in source.stated.channels.items() if channel.role == "out"]
     source.channels.update(set(out) & {name for header in table.headers for name in (header.name, header.text)})
     readings = group_columns(table.headers, table.is_complex, table.rows.values(), out)
     if not is_only and not any(reading.has_phase or table.is_complex[reading.main] for reading in readings):
@@ -115,43 +107,17 @@ def _read_content(table: SensorTable, source: Source, *, is_only: bool) -> _Cont
     if not any(header.scaling for header in table.headers):
         source.note_scaling([table.label])
     drives = _choose_drives(table, readings, source)
-    joined = f", one of {len(drives)}, joined by their {source.stated.control}" if len(drives) > 1 else ""
-    for drive in drives:
-        source.summary.add(f"channel {drive.name!r}", f"drive{joined}", "found in the file")
-    sensors = [reading for reading in readings if reading not in drives]
-    if not sensors:
-        raise InputError(f"{table.label}: no response", expected="columns of sensors, each with its phase")
-    readings, sensors = _leave_out_other(table, readings, sensors, source)
-    values, labels = table.read([place for reading in readings for place in reading.roles.values()])
-    for reading in (one for one in readings if table.is_complex[one.main]):  # in a text a cell may be empty
-        require_finite(f"drive of {table.label}" if reading in drives else reading.name, values[reading.main])
+    sensors = _choose_sensors(table, [reading for reading in readings if reading not in drives], source)
+    kept = [reading for reading in readings if reading in drives or reading in sensors]
+    values, labels = table.read([place for reading in kept for place in reading.roles.values()])
+    for reading in kept:
+        if table.is_complex[reading.main]:  # in a text a cell may be empty
+            named = f"drive of {table.label}" if reading in drives else reading.name
+            require_finite(named, values[reading.main])
     if labels is not None:
         said = table.headers[table.rows["sweep"]].unit
         labels = [f"{label} {said}".strip() for label in labels]
     return _Content(table, values, labels, drives, sensors, source)
-
-
-def _leave_out_other(
-    table: SensorTable, readings: Sequence[SensorColumns], sensors: Sequence[SensorColumns], source: Source
-) -> tuple[list[SensorColumns], list[SensorColumns]]:
-    """Readings and sensors without columns that have neither a phase nor, where others have one, a unit of motion.
-
-    Beside complex values, columns of real ones without a phase are no responses. InputError: elsewhere a motion, or in
-    a table without units any column, has no phase.
-    """
-    has_complex = any(table.is_complex[reading.main] for reading in sensors)
-    phaseless = [reading for reading in sensors if not reading.has_phase]
-    moving = [one for one in sensors if is_motion(source.stated.of(one.name).unit or table.headers[one.main].unit)]
-    has_units = any(reading.has_phase for reading in moving)
-    other = [reading for reading in phaseless if has_complex or (has_units and reading not in moving)]
-    if lost := [repr(reading.name) for reading in phaseless if reading not in other]:
-        further = f" (likewise of {describe_shortened(', '.join(lost[1:]), 100)})" if lost[1:] else ""
-        raise InputError(f"{lost[0]} has no phase", expected=_PHASES.replace("tip", lost[0].strip("'")) + further)
-    if other:
-        listed = describe_shortened(", ".join(reading.name for reading in other), 100)
-        why = "no complex values" if has_complex else "neither a phase nor a unit of motion"
-        source.summary.note(f"{table.label}: {listed} left out: {why}")
-    return [one for one in readings if one not in other], [one for one in sensors if one not in other]
 
 
 def _choose_drives(table: SensorTable, readings: Sequence[SensorColumns], source: Source) -> list[SensorColumns]:
@@ -163,7 +129,34 @@ def _choose_drives(table: SensorTable, readings: Sequence[SensorColumns], source
     kinds = {name: find_powers(source.find_unit(name, "force", units[name])) for name in names}
     if len(names) > 1 and any(of == (1, 0, 0) or (not of and "force" in name.lower()) for name, of in kinds.items()):
         raise refuse_forces(table.label, names)
-    return [reading for reading in readings if reading.name in names]
+    drives = [reading for reading in readings if reading.name in names]
+    joined = f", one of {len(drives)}, joined by their {source.stated.control}" if len(drives) > 1 else ""
+    for drive in drives:
+        source.summary.add(f"channel {drive.name!r}", f"drive{joined}", "found in the file")
+    return drives
+
+
+def _choose_sensors(table: SensorTable, others: Sequence[SensorColumns], source: Source) -> list[SensorColumns]:
+    """The sensors among the columns beside the drives, each with a phase.
+
+    Those without are left out beside complex values, or if others have a unit of motion and they have none. InputError:
+    there is no sensor, or elsewhere a motion, or in a table without units any column, has no phase.
+    """
+    if not others:
+        raise InputError(f"{table.label}: no response", expected="columns of sensors, each with its phase")
+    has_complex = any(table.is_complex[reading.main] for reading in others)
+    phaseless = [reading for reading in others if not reading.has_phase]
+    moving = [one for one in others if is_motion(source.stated.of(one.name).unit or table.headers[one.main].unit)]
+    has_units = any(reading.has_phase for reading in moving)
+    left_out = [reading for reading in phaseless if has_complex or (has_units and reading not in moving)]
+    if lost := [repr(reading.name) for reading in phaseless if reading not in left_out]:
+        further = f" (likewise of {describe_shortened(', '.join(lost[1:]), 100)})" if lost[1:] else ""
+        raise InputError(f"{lost[0]} has no phase", expected=_PHASES.replace("tip", lost[0].strip("'")) + further)
+    if left_out:
+        listed = describe_shortened(", ".join(reading.name for reading in left_out), 100)
+        why = "no complex values" if has_complex else "neither a phase nor a unit of motion"
+        source.summary.note(f"{table.label}: {listed} left out: {why}")
+    return [reading for reading in others if reading not in left_out]
 
 
 def _list_runs(content: _Content) -> list[CampaignRun]:
@@ -177,18 +170,27 @@ def _list_runs(content: _Content) -> list[CampaignRun]:
         forces = [s.response for s in series[drive.name]]
         driven = [[replace(s, force=F) for s, F in zip(of, forces, strict=True)] for of in series.values()]
         series = dict(zip(series, join_refined(driven, content.source.summary), strict=True))
-    scalings = {r.name: content.table.headers[r.main].scaling for r in (*content.sensors, *content.drives)}
-    factors = {name: _find_peak_factor(name, scaling, content.source.summary) for name, scaling in scalings.items()}
-    silent = [repr(name) for name, scaling in scalings.items() if scaling is None]
-    if silent and set(scalings.values()) - {None, "peak"}:
-        listed = describe_shortened(", ".join(silent), 100)
-        content.source.summary.note(f"caution: {listed}: taken as peak values, beside others that are not")
+    factors = _find_peak_factors(content)
     first = series[content.sensors[0].name]
     sweeps = [
         _list_rows(content, s, {name: factors[name] * of[k].response for name, of in series.items()})
         for k, s in enumerate(first)
     ]
     return [_make_run(content, sweep) for sweep in _settle_sense(content, sweeps)]
+
+
+def _find_peak_factors(content: _Content) -> dict[str, float]:
+    """Factor of each sensor and drive to peak values, by the scaling in its header; other than peak is said."""
+    summary = content.source.summary
+    scalings = {r.name: content.table.headers[r.main].scaling for r in (*content.sensors, *content.drives)}
+    scaled = {name: scaling for name, scaling in scalings.items() if scaling not in (None, "peak")}
+    for name, scaling in scaled.items():
+        summary.add(f"amplitudes of {name!r}", f"{scaling}, made peak values", "found in the file")
+    silent = [repr(name) for name, scaling in scalings.items() if scaling is None]
+    if silent and scaled:
+        listed = describe_shortened(", ".join(silent), 100)
+        summary.note(f"caution: {listed}: taken as peak values, beside others that are not")
+    return {name: SCALINGS[scaling or "peak"] for name, scaling in scalings.items()}
 
 
 @dataclass(frozen=True)
@@ -255,16 +257,7 @@ def _make_run(content: _Content, sweep: _SweepRows) -> CampaignRun:
         controls = (reading.name for reading in content.drives)
         drive = stated.join_controls([stated.of(name).scale * sweep.values[name] for name in controls])
     else:
-        label = sweep.label.replace("_", " ")
-        per = next((parts[1] for parts in ratios.values() if parts), None)
-        said = find_level(label)
-        if per is None and said is None:
-            expected = "a column called control, drive, base or force, --column force=NAME, or a level in the label"
-            raise InputError(f"{sweep.label}: no drive", expected=expected)
-        level, drive_unit = find_level_of_ratio(label, per or "")
-        if per is None:
-            taken = f"{level:g} {drive_unit} of its label is taken as its amplitude in every row"
-            source.summary.note(f"caution: {sweep.label!r} has no drive: {taken}")
+        level, drive_unit = _read_level(sweep, next((parts[1] for parts in ratios.values() if parts), ""), source)
         drive = np.full(len(sweep.x), level, dtype=complex)
     channels = []
     for name, ratio in ratios.items():
@@ -274,3 +267,19 @@ def _make_run(content: _Content, sweep: _SweepRows) -> CampaignRun:
         channels.append(source.make_channel(name, text, values, quantity, per_drive=ratio is not None))
     run = CampaignRun(sweep.label, None, drive_unit, sweep.x, drive, tuple(filter(None, channels)), sweep.rate)
     return source.leave_flat(source.set_level(run, sweep.label))
+
+
+def _read_level(sweep: _SweepRows, per: str, source: Source) -> tuple[float, str]:
+    """Amplitude of the drive of a sweep without one, from its label, and its unit; ``per``: that of ratios, or ''.
+
+    InputError: the label has no level.
+    """
+    label = sweep.label.replace("_", " ")
+    if not per and find_level(label) is None:
+        expected = "a column called control, drive, base or force, --column force=NAME, or a level in the label"
+        raise InputError(f"{sweep.label}: no drive", expected=expected)
+    level, drive_unit = find_level_of_ratio(label, per)
+    if not per:
+        taken = f"{level:g} {drive_unit} of its label is taken as its amplitude in every row"
+        source.summary.note(f"caution: {sweep.label!r} has no drive: {taken}")
+    return level, drive_unit

@@ -121,21 +121,3 @@ class Outcome:
             f"{self.mode}, {self.sensor} at {level}: {self.measured:.4g} {self.unit} measured, {place} the "
             f"{median:.4g} ({low:.4g} to {high:.4g}) predicted, {self.above_db:+z.1f} dB"
         )
-
-
-@dataclass(frozen=True)
-class SensorPrediction:
-    """Peak of a sensor at a level of a mode of ``frequency`` Hz, as in the form ``campaign/1``.
-
-    ``at_frequency`` (Hz) and damping ``ratio`` (median, low, high) of the mode at the level; None where not known.
-    """
-
-    frequency: float
-    level: float
-    tested: bool
-    sensor: str
-    unit: str
-    band: Bounds
-    at_frequency: float | None = None
-    ratio: tuple[float | None, ...] | None = None
-    level_unit: str = ""  #: '' where it is not stated

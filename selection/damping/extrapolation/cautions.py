@@ -1,6 +1,6 @@
 """Cautions on a prediction: why there is none, and what the tested levels do not show."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -27,6 +27,11 @@ UNKNOWN = (
 )
 #: Beginning of the caution that a prediction is beyond the largest tested force or amplitude.
 BEYOND_TEST = "beyond the test"
+
+
+def find_refusal(cautions: Iterable[str]) -> str:
+    """Why there is no prediction, of its cautions; empty if none says so."""
+    return next((caution for caution in cautions if caution.startswith(REFUSAL)), "")
 
 
 def list_cautions(

@@ -3,9 +3,11 @@
 The screens (:mod:`damping.report.screens`) hold what decisions need; this module adds the folded details.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TypeAlias
 
 import pandas as pd
 
@@ -23,6 +25,9 @@ from damping.report.results import RecordResult, StudyResult, Svgs, build_cautio
 from damping.report.screens import build_screens
 from damping.report.tables import record_tables
 
+#: The tables of a record by name, as of `record_tables`: the same on the page as in the files.
+Tables: TypeAlias = Mapping[str, pd.DataFrame]
+
 
 @dataclass(frozen=True)
 class Rendered:
@@ -38,13 +43,14 @@ def render(study: StudyResult) -> Rendered:
     """Render a study; equal studies give equal text."""
     figures: dict[str, str] = {}
     tables: dict[str, pd.DataFrame] = {}
-    for result in study.records:
+    made = [record_tables(result) for result in study.records]
+    for result, own in zip(study.records, made, strict=True):
         for name, drawn in record_figures(result, study.level).items():
             stem = result.stem(name)
             figures[stem] = drawn.to_svg(stem)
-        tables |= {result.stem(name): table for name, table in record_tables(result).items()}
+        tables |= {result.stem(name): table for name, table in own.items()}
     further = [section for exhibit in study.exhibits for section in exhibit.sections]
-    sections = [*build_screens(study, figures), *further, _build_details(study, figures)]
+    sections = [*build_screens(study, figures), *further, _build_details(study, made, figures)]
     for exhibit in study.exhibits:
         figures |= exhibit.figures
         tables |= {name: table for name, table in exhibit.tables.items() if not table.empty}
@@ -54,11 +60,11 @@ def render(study: StudyResult) -> Rendered:
     return Rendered(page.render_page(study.title, sections, footer), tables, figures, pages)
 
 
-def _build_details(study: StudyResult, svgs: Svgs) -> Section:
-    """The details behind the screens, one fold per record, and the method."""
+def _build_details(study: StudyResult, made: Sequence[Tables], svgs: Svgs) -> Section:
+    """The details behind the screens, one fold per record, and the method; ``made``: the tables of each record."""
     folds: list[Block] = [
-        Fold(f"{result.title}: data, every law, posteriors, predictions of each law", _build_parts(result, svgs))
-        for result in study.records
+        Fold(f"{result.title}: data, every law, posteriors, predictions of each law", _build_parts(result, own, svgs))
+        for result, own in zip(study.records, made, strict=True)
     ]
     folds += [Fold("Every caution", build_cautions(study)), Fold("Method", _build_method(study))]
     holds = "Data, every law with its coefficients, posteriors and their convergence, all cautions and the method."
@@ -69,16 +75,16 @@ MOST_POINTS = 60  #: points that the page shows of a longer record, the first
 MOST_COLUMNS = 24  #: most points for each of which a table of deviations has a column
 
 
-def _build_parts(result: RecordResult, svgs: Svgs) -> list[Block]:
+def _build_parts(result: RecordResult, made: Tables, svgs: Svgs) -> list[Block]:
     """Data, every law, posteriors, predictions of each law, by the text ``details.txt``."""
     best, design = leading(result), result.design
     notes = list(dict.fromkeys(caution for law in result.ranking.candidates for caution in law.cautions))
-    observations, checks = tables.tabulate_observations(result), tables.tabulate_checks(result)
+    observations = made["observations"]
     points = observations[["sweep", "point", "frequency", "amplitude", "damping_force", "energy"]]
     shown = {"levels": Table(forms.tabulate_tested(result.data)), "observations": Table(points[:MOST_POINTS])}
-    shown |= _tabulate_laws(result, notes)
+    shown |= _tabulate_laws(result, made, notes)
     if result.posteriors:
-        shown |= _tabulate_posteriors(result, checks)
+        shown |= _tabulate_posteriors(made)
     if design:
         shown["design_loads_by_model"] = Table(tables.tabulate_by_model(design, result.mode.units.force))
 
@@ -104,22 +110,22 @@ def _build_parts(result: RecordResult, svgs: Svgs) -> list[Block]:
         "failed": describe_failed_chains(result),
         "leading": best.law.name if best else "",
         "content": 100 * INTERVAL,
-        "left_out": list(dict.fromkeys(checks["unit_left_out"])) if result.posteriors else [],
+        "left_out": list(dict.fromkeys(made["checks"]["unit_left_out"])) if result.posteriors else [],
     }
     return write_blocks(Path(__file__).with_name("details.txt"), values, page.take_parts(parts))
 
 
-def _tabulate_laws(result: RecordResult, notes: list[str]) -> dict[str, Table]:
+def _tabulate_laws(result: RecordResult, made: Tables, notes: list[str]) -> dict[str, Table]:
     """Every law with its cautions by number, coefficients and deviations."""
-    ranking = forms.tabulate_candidates(result.ranking).drop(columns="score_standard_error")
+    ranking = made["ranking"].drop(columns="score_standard_error")
     cautions = [law.cautions for law in result.ranking.candidates]
     ranking["cautions"] = [words.format_joined(str(1 + notes.index(caution)) for caution in own) for own in cautions]
     content, numbers = f"{100 * INTERVAL:g} %", ("value", "std_error", "t_ratio", "credible_low", "credible_high")
     ends = {"credible_low": f"{content} low", "credible_high": f"{content} high"}
-    deviations = _tabulate_deviations(result)
+    deviations = _tabulate_deviations(made)
     return {
         "ranking": list_laws(ranking),
-        "coefficients": Table(tables.tabulate_coefficients(result), dict.fromkeys(numbers, words.number), ends),
+        "coefficients": Table(made["coefficients"], dict.fromkeys(numbers, words.number), ends),
         "deviations": Table(deviations, dict.fromkeys(map(str, deviations.columns[1:]), words.format_percent)),
     }
 
@@ -132,34 +138,33 @@ def list_laws(ranking: pd.DataFrame) -> Table:
     return Table(ranking, formats, names)
 
 
-def _tabulate_deviations(result: RecordResult) -> pd.DataFrame:
+def _tabulate_deviations(made: Tables) -> pd.DataFrame:
     """One row for each law, one column for each point; for many points the mean and the largest only."""
-    deviations = tables.tabulate_deviations(result)
+    deviations = made["deviations"]
     by_law = deviations["percent"].abs().groupby(deviations["law"], sort=False)
     table = pd.DataFrame({"mean |%|": by_law.mean(), "largest |%|": by_law.max()})
-    if len(result.data.A) <= MOST_COLUMNS:
+    if len(made["observations"]) <= MOST_COLUMNS:
         points = list(dict.fromkeys(deviations["point"]))
         table = table.join(deviations.pivot_table(index="law", columns="point", values="percent")[points])
     return table.rename_axis("law").reset_index()
 
 
-def _tabulate_posteriors(result: RecordResult, checks: pd.DataFrame) -> dict[str, Table]:
+def _tabulate_posteriors(made: Tables) -> dict[str, Table]:
     """Checks of the sampled laws, intervals of their parameters, convergence of their chains."""
+    checks, intervals = made["checks"], made["posteriors"]
     chain = ["converged" if converged else "FAILED" for converged in checks["converged"]]
     columns = ["law", "weight", "chain", "steps", "elpd_loo", "elpd_standard_error", "p_loo", "largest_pareto_k"]
     columns += ["predictive_p_value", "caution"]
     names = {"elpd_loo": "PSIS-LOO", "elpd_standard_error": "its error", "largest_pareto_k": "largest k"}
     formats = {"weight": words.format_share} | dict.fromkeys(columns[4:9], partial(words.format_decimals, digits=2))
-    intervals = tables.tabulate_posteriors(result)
     numbers = dict.fromkeys(intervals.select_dtypes("float").columns, words.number) | {"weight": words.format_share}
-    convergence = tables.tabulate_convergence(result)
     lengths = {"r_hat": "{:.4f}".format, "effective_size": "{:.0f}".format, "lengths": "{:.0f}".format}
     symbols = {"r_hat": "R-hat", "lengths": "length / τ", "autocorrelation": "τ (steps)"}
     shown = checks.assign(chain=chain)[columns]
     return {
         "checks": Table(shown, formats, names | {"predictive_p_value": "predictive p"}),
         "posteriors": Table(intervals, numbers),
-        "convergence": Table(convergence, lengths, symbols),
+        "convergence": Table(made.get("convergence", pd.DataFrame()), lengths, symbols),
     }
 
 

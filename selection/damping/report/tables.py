@@ -4,16 +4,14 @@ Numbers are in the units of the record; intervals of parameters have the content
 the level of the study. A number that does not exist is NaN.
 """
 
-from functools import lru_cache
-
 import numpy as np
 import pandas as pd
 
 from damping import report as words
-from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.arrays import RAD_S_PER_HZ
 from damping.extrapolation.curve import Curve
 from damping.extrapolation.prediction import Loads
-from damping.infer.law import Coordinates, Law
+from damping.infer.law import Law
 from damping.ranking import Candidate
 from damping.ranking.candidates import INTERVAL
 from damping.ranking.sharing import tabulate_rows
@@ -69,28 +67,23 @@ def tabulate_posteriors(result: RecordResult) -> pd.DataFrame:
     """Prior and posterior median and interval of each parameter; no posterior where the chain failed."""
     rows = []
     for sampled in result.posteriors:
-        prior = _find_prior_ends(sampled.posterior.coordinates)
+        of_prior = prior_draws(sampled.posterior.coordinates)
         converged = sampled.posterior.converged
         for name, draws in posterior_draws(sampled).items():
             known = np.percentile(draws, _TAILS) if converged else np.full(3, np.nan)
+            prior = np.percentile(of_prior[name], _TAILS)
             rows.append(
                 {
                     "law": sampled.law.name,
                     "weight": sampled.weight,
                     "parameter": name,
                     "unit": words.format_parameter_unit(name, result.mode.units),
-                    **{f"prior_{end}": value for end, value in zip(_ENDS, prior[name], strict=True)},
+                    **{f"prior_{end}": value for end, value in zip(_ENDS, prior, strict=True)},
                     **dict(zip(_ENDS, known, strict=True)),
                     "converged": converged,
                 }
             )
     return pd.DataFrame(rows)
-
-
-@lru_cache(maxsize=64)
-def _find_prior_ends(coordinates: Coordinates) -> dict[str, FloatArray]:
-    """Median and ends of the interval of the prior of each parameter, the same on the page and in the file."""
-    return {name: np.percentile(draws, _TAILS) for name, draws in prior_draws(coordinates).items()}
 
 
 def tabulate_checks(result: RecordResult) -> pd.DataFrame:

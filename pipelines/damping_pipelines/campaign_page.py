@@ -1,8 +1,9 @@
-"""The answer and the tables of the page of a campaign: modes, damping and peaks by level, notches, outcomes."""
+"""The page of a campaign: the answer, its modes, damping and peaks by level, notches, outcomes, and the files."""
 
 import math
 from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -11,12 +12,51 @@ from damping import report as words
 from damping.campaign.answer import Campaign, ModeAnswer
 from damping.campaign.values import At, Response
 from damping.extrapolation.cautions import REFUSAL
+from damping.plots import describe_with_unit, to_svg
+from damping.plots.curves import mode_over_level
+from damping.report.page import Block, FigureBlock, Section, Table, write_sections
 from damping.report.results import collect_holders, keep_gravest
 from damping_pipelines.terminal import number_whole, number_with_error
 
 _CAUTION = "caution: "  #: beginning of a note that casts doubt
 _LOST = "the mode near "  #: beginning of a note on a mode without an answer
 _CHANGES = {1: "grows in", -1: "falls in", 0: "stays within its band in"}  #: how damping changes with the level
+
+
+def write_page(answer: Campaign) -> list[Section]:
+    """Write the page: the answer, damping of modes against level, and the response of every sensor at all levels."""
+    parts: dict[str, Block] = {
+        "modes": Table(tabulate_modes(answer), {"frequency, Hz": _format_hertz}),
+        "limits": Table(_tabulate_notches(answer)),
+        "outcomes": Table(_tabulate_outcomes(answer)),
+        "files": Table(answer.summary.table),
+    }
+    for mode in answer.modes:
+        parts |= _draw_levels(mode, answer.input_name, answer.unit)
+        parts[f"{mode.name} damping"] = Table(tabulate_damping(mode, answer.unit))
+        parts[f"{mode.name} peaks"] = Table(_tabulate_peaks(mode, answer.unit))
+    cautions = {mode.name: _group_cautions(mode, answer.unit) for mode in answer.modes}
+    values = vars(answer) | {
+        **describe_answer(answer),
+        "cautions": cautions,
+        "tested": answer.tested,
+        "hertz": _format_hertz,
+    }
+    return write_sections(Path(__file__).with_suffix(".txt"), values, parts)
+
+
+def _draw_levels(mode: ModeAnswer, input_name: str, unit: str) -> dict[str, Block]:
+    """The figure of a mode by its name; none if only one level has a result."""
+    levels = pd.DataFrame(
+        {"level": at.input, "tested": at.tested, "frequency": at.frequency} | at.ratio._asdict()
+        for at in sorted(mode.places, key=lambda at: at.input)
+        if at.ratio
+    )
+    if len(levels) < 2:
+        return {}
+    caption = f"Damping ratio and frequency of {mode.name} against the {input_name} in {unit}."
+    figure = mode_over_level(levels, describe_with_unit(input_name, unit))
+    return {mode.name: FigureBlock(to_svg(figure, f"{mode.name}-levels", mode.name, caption), caption)}
 
 
 def describe_answer(answer: Campaign) -> dict[str, Any]:
@@ -105,7 +145,7 @@ def tabulate_damping(mode: ModeAnswer, unit: str) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "level": describe_level(at, unit),
-            "kind": describe_kind(at),
+            "kind": _describe_kind(at),
             "frequency, Hz": describe_frequency(at),
             "damping ratio, %": number_with_error(100.0 * at.ratio.median, 100.0 * (at.ratio_error or 0.0))
             if at.ratio
@@ -115,12 +155,12 @@ def tabulate_damping(mode: ModeAnswer, unit: str) -> pd.DataFrame:
     )
 
 
-def tabulate_peaks(mode: ModeAnswer, unit: str) -> pd.DataFrame:
+def _tabulate_peaks(mode: ModeAnswer, unit: str) -> pd.DataFrame:
     """The peak of every sensor at every tested and design level, with the input at the mode if it differs."""
     return pd.DataFrame(
         {
             "level": describe_level(at, unit),
-            "kind": describe_kind(at),
+            "kind": _describe_kind(at),
             "sensor": peak.sensor,
             **peak.band._asdict(),
             "unit": peak.unit,
@@ -130,14 +170,14 @@ def tabulate_peaks(mode: ModeAnswer, unit: str) -> pd.DataFrame:
     )
 
 
-def group_cautions(mode: ModeAnswer, unit: str) -> list[str]:
+def _group_cautions(mode: ModeAnswer, unit: str) -> list[str]:
     """Each caution of a mode once, with its levels unless it applies to all."""
     held = collect_holders((f"{at.level:.4g} {unit}".rstrip(), at.cautions) for at in mode.places)
     everywhere = len(mode.places)
     return [caution if len(at) == everywhere else f"at {', '.join(at)}: {caution}" for caution, at in held]
 
 
-def tabulate_notches(answer: Campaign) -> pd.DataFrame:
+def _tabulate_notches(answer: Campaign) -> pd.DataFrame:
     """Notches that the limits of sensors require at each mode."""
     unit = answer.unit
     return pd.DataFrame(
@@ -165,9 +205,9 @@ def tabulate_modes(answer: Campaign) -> pd.DataFrame:
         {
             "mode": mode.name,
             "frequency, Hz": mode.frequency,
-            "damping ratio at the lowest level, %": describe_ratio(mode.places[0], answer.unit),
-            "damping ratio at the last design level, %": describe_ratio(mode.places[-1], answer.unit),
-            **({"largest peak there": describe_largest(mode.places[-1])} if answer.is_driven else {}),
+            "damping ratio at the lowest level, %": _describe_ratio(mode.places[0], answer.unit),
+            "damping ratio at the last design level, %": _describe_ratio(mode.places[-1], answer.unit),
+            **({"largest peak there": _describe_largest(mode.places[-1])} if answer.is_driven else {}),
             "law": mode.law,
             **({"sensors left out": ", ".join(mode.left_out) or "none"} if left_out else {}),
         }
@@ -175,7 +215,7 @@ def tabulate_modes(answer: Campaign) -> pd.DataFrame:
     )
 
 
-def tabulate_outcomes(answer: Campaign) -> pd.DataFrame:
+def _tabulate_outcomes(answer: Campaign) -> pd.DataFrame:
     """Predictions made before the last runs, beside the measurements."""
     return pd.DataFrame(
         {
@@ -192,30 +232,30 @@ def tabulate_outcomes(answer: Campaign) -> pd.DataFrame:
     )
 
 
-def describe_kind(at: At) -> str:
+def _describe_kind(at: At) -> str:
     """Whether the numbers at a level are its own or those of the laws."""
     return "measured" if at.tested else "predicted"
 
 
-def describe_ratio(at: At, unit: str) -> str:
+def _describe_ratio(at: At, unit: str) -> str:
     """A damping ratio in per cent with its level, which may differ between modes, and with the notched input."""
     ratio = [number_whole(100.0 * part, 3, "#") for part in at.ratio or ()]
     band = "{} ({} to {})".format(*ratio) if ratio else "no answer"
     return f"{band} at {describe_level(at, unit)}"
 
 
-def describe_largest(at: At) -> str:
+def _describe_largest(at: At) -> str:
     """The largest peak at a place with its sensor."""
     return "{peak} ({band}) at {sensor}".format(**_describe_peak(at.largest)) if at.largest else "no answer"
 
 
 #: A frequency in five digits: a resonance moves little from level to level.
-format_hertz = partial(number_whole, digits=5, mark="#")
+_format_hertz = partial(number_whole, digits=5, mark="#")
 
 
 def describe_frequency(at: At) -> str:
     """A frequency in Hz with its standard error where that is known, the same on the page and on the terminal."""
-    return number_with_error(at.frequency, at.frequency_error) if at.frequency_error else format_hertz(at.frequency)
+    return number_with_error(at.frequency, at.frequency_error) if at.frequency_error else _format_hertz(at.frequency)
 
 
 def describe_level(at: At, unit: str) -> str:
