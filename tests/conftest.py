@@ -61,6 +61,7 @@ CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 
 #: Files that share what is made once for a session: they run on one worker, one after the other.
 TOGETHER = {
+    "architecture": ("architecture/test_house", "architecture/test_layers", "architecture/test_no_names"),
     "chapters": (
         *("gap/test_history", "pipelines/test_results", "reed1970/test_chapter_3_study"),
         *("reed1970/test_chapter_figures", "reed1970/test_source_tables", "report/test_browser"),
