@@ -575,6 +575,12 @@ def no_rivals(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
+def few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sweeps by averages in a twentieth of the steps: a mode with one steady state leaves no branch to be followed."""
+    monkeypatch.setattr("damping.predict.branches._FEWEST_STEPS", 100)
+
+
+@pytest.fixture
 def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """A study samples in this process: to start others takes longer than what short studies do in them."""
     monkeypatch.setattr("damping_pipelines.study.start_pool", lambda: ThreadPoolExecutor(1))
