@@ -85,7 +85,8 @@ FIRST = (
     *("gap/test_base_drive", "gap/test_other_law", "gap/test_too_large", "gap/test_null", "extrapolation/test_near"),
     *("campaign/test_base_shares", "campaign/test_nonlinear", "campaign/test_delays", "predict/test_sweep_rate"),
     *("records/test_ceiling", "predict/test_integrate", "predict/test_sweep_stage", "signals/test_ringdown"),
-    *("validation/test_steady", "validation/test_scorer", "docs/test_docs"),
+    *("plots/test_boxes", "campaign/test_tables", "api/test_api", "records/test_plausible_corruption"),
+    *("pipelines/test_readme", "validation/test_steady", "validation/test_scorer", "docs/test_docs"),
 )
 assert all((Path(__file__).parent / f"{file}.py").is_file() for files in TOGETHER.values() for file in files)
 

@@ -99,7 +99,9 @@ def test_houses_import_only_what_they_may():
 
 
 def test_pyplot_is_never_imported():
-    assert not [name(path) for path, module in imports(MODULES) if module.startswith("matplotlib.pyplot")]
+    """It holds global state: figures here are made as objects."""
+    found = [name(path) for path, module in imports(MODULES) if "pyplot" in module or module.endswith("pylab")]
+    assert found == []
 
 
 def test_one_place_touches_arviz():

@@ -36,7 +36,7 @@ def written(lab, tmp_path):
 
 
 @pytest.mark.parametrize("name", [*NAMES, *(pytest.param(name, marks=pytest.mark.slow) for name in FURTHER)])
-def test_the_corrected_model_has_no_gap(lab, written, name, among, monkeypatch):
+def test_the_corrected_model_has_no_gap(lab, written, name, among, monkeypatch, no_rivals):
     first = lab.diagnosed(name)
     assert first.leading.effects == (name,)
     monkeypatch.setattr("damping.gap.size.hold_levels_out", lambda *_: None)  # nobody asks
