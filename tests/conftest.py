@@ -61,6 +61,7 @@ CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 
 #: Files that share what is made once for a session: they run on one worker, one after the other.
 TOGETHER = {
+    "architecture": ("architecture/test_house", "architecture/test_layers", "architecture/test_no_names"),
     "chapters": (
         *("gap/test_history", "pipelines/test_results", "reed1970/test_chapter_3_study"),
         *("reed1970/test_chapter_figures", "reed1970/test_source_tables", "report/test_browser"),
@@ -84,7 +85,8 @@ FIRST = (
     *("gap/test_base_drive", "gap/test_other_law", "gap/test_too_large", "gap/test_null", "extrapolation/test_near"),
     *("campaign/test_base_shares", "campaign/test_nonlinear", "campaign/test_delays", "predict/test_sweep_rate"),
     *("records/test_ceiling", "predict/test_integrate", "predict/test_sweep_stage", "signals/test_ringdown"),
-    *("validation/test_steady", "validation/test_scorer", "docs/test_docs"),
+    *("plots/test_boxes", "campaign/test_tables", "api/test_api", "records/test_plausible_corruption"),
+    *("pipelines/test_readme", "validation/test_steady", "validation/test_scorer", "docs/test_docs"),
 )
 assert all((Path(__file__).parent / f"{file}.py").is_file() for files in TOGETHER.values() for file in files)
 
@@ -571,6 +573,12 @@ def no_rivals(monkeypatch: pytest.MonkeyPatch) -> None:
     They can only lower what is staked on the library, and are told in cautions.
     """
     monkeypatch.setattr("damping.gap.outside.weigh_outside", lambda *_: ((), ()))
+
+
+@pytest.fixture
+def few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sweeps by averages in a twentieth of the steps: a mode with one steady state leaves no branch to be followed."""
+    monkeypatch.setattr("damping.predict.branches._FEWEST_STEPS", 100)
 
 
 @pytest.fixture

@@ -210,7 +210,7 @@ def test_an_audit_draws_its_sweeps(record):
     assert {line.get_marker() for line in dp.check(record).plot().axes[0].get_lines()} == {"o"}
 
 
-@pytest.mark.usefixtures("few_laws")
+@pytest.mark.usefixtures("few_laws", "few_steps")
 def test_a_sweep_is_a_record_that_can_be_ranked_and_diagnosed(mode, form_of, tmp_path):
     swept = dp.sweep(mode, force=[20.0, 30.0], frequency=np.linspace(1.6, 1.73, 25))
     assert swept.table["sweep"].unique().tolist() == ["A", "B"]
@@ -227,6 +227,7 @@ def test_a_sweep_is_a_record_that_can_be_ranked_and_diagnosed(mode, form_of, tmp
     check_drawing(result)
 
 
+@pytest.mark.usefixtures("few_steps")
 @pytest.mark.parametrize("method", ["ritz", "time"])
 def test_a_base_that_shakes_drives_by_its_acceleration_times_the_mass(method):
     """q = a/|omega_n^2 - omega^2 + i omega C/M| of a linear model, whatever the mass."""

@@ -218,7 +218,7 @@ def test_sizes_and_the_corrected_model_name_the_units_of_their_numbers(mode, hea
     assert found.corrected.units.force == ("N" if heavier else "m/s²")
 
 
-def test_the_head_of_a_corrected_model_tells_the_participation_that_a_sweep_needs(mode, tmp_path, no_rivals):
+def test_the_head_of_a_corrected_model_tells_the_participation_that_a_sweep_needs(mode, no_rivals, few_steps):
     """Swept with that many times the acceleration, it repeats the amplitudes measured."""
     record = together(shaken((0.1, 0.2, 0.4)), shaken((0.2,), added=ADDED, seed=4))
     result = damping.diagnose(record, mode, posterior=False, compare=False)

@@ -36,7 +36,7 @@ def written(lab, tmp_path):
 
 
 @pytest.mark.parametrize("name", [*NAMES, *(pytest.param(name, marks=pytest.mark.slow) for name in FURTHER)])
-def test_the_corrected_model_has_no_gap(lab, written, name, among, monkeypatch):
+def test_the_corrected_model_has_no_gap(lab, written, name, among, monkeypatch, no_rivals):
     first = lab.diagnosed(name)
     assert first.leading.effects == (name,)
     monkeypatch.setattr("damping.gap.size.hold_levels_out", lambda *_: None)  # nobody asks
@@ -57,7 +57,7 @@ def test_a_gain_names_the_mass_that_reads_alike(lab):
     assert not any("generalized mass" in caution for caution in lab.diagnosed("velocity-squared").cautions)
 
 
-def test_the_head_of_a_corrected_model_says_what_is_not_of_the_structure(lab):
+def test_the_head_of_a_corrected_model_says_what_is_not_of_the_structure(lab, few_steps):
     """The sweep of a model corrected by a gain is the motion that the gain misread."""
     result = DiagnosisResult(lab.diagnosed("amplitude-scale"))
     head = " ".join(line.removeprefix("# ") for line in _describe_model(result).splitlines() if line.startswith("#"))
@@ -99,7 +99,7 @@ def test_a_corrected_joint_loses_no_more_than_the_stiffness(lab, form, monkeypat
 
 
 @pytest.mark.parametrize("name", ["velocity-squared", "stiffness-hardening"])
-def test_the_corrected_model_can_be_swept(lab, written, tmp_path, name):
+def test_the_corrected_model_can_be_swept(lab, written, tmp_path, name, few_steps):
     out, rows = tmp_path / "swept.csv", lab.bench().rows
     top = float(rows.force.max())
     hertz = np.linspace(2.82, 3.18, 13)  # the band of the test

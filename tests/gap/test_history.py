@@ -12,6 +12,7 @@ from damping.gap.corrected import corrected_mode, effect_values
 from damping.gap.diagnose import diagnose
 from damping.gap.where import describe_resonances
 from damping.records.mode import Tolerance
+from tests.gap.limited import limited
 
 #: Effects by which energy is lost, of those of one structure.
 DISSIPATIVE = {
@@ -51,12 +52,13 @@ def test_configuration_1_has_two_planes_and_does_not_soften(first):
         ),
     ],
 )
-def test_configuration_1_has_two_planes_at_other_tolerances(first, frequency, mass, viscous):
+def test_configuration_1_has_two_planes_at_other_tolerances(first, frequency, mass, viscous, among):
     """They are no more than assumed: beyond 0.001 a joint that slips and a resonance moved by 0.5 % fit as well.
 
     Two planes lead, or the answer says that it is they or slip.
     """
-    found = diagnose(first.record, replace(first.mode, tolerance=Tolerance(frequency, mass, viscous)))
+    mode = replace(first.mode, tolerance=Tolerance(frequency, mass, viscous))
+    found = limited(among("slip", "stiffness-softening", "residual-modes"), diagnose, first.record, mode)
     said = [one.effects for one in found.explanations]
     assert said[0] == ("planar-coupling",) or {("planar-coupling",), ("slip",)} <= set(said)
     assert said[0] == ("planar-coupling",) or frequency > 0.001

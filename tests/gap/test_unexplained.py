@@ -60,7 +60,7 @@ def test_a_large_gap_without_its_effect_is_unexplained(lab, name, among):
     assert found.gap.nominal > 2.0  # the gap is seen
 
 
-def test_rows_that_nothing_explains_are_not_taken_for_outliers(lab, among):
+def test_rows_that_nothing_explains_are_not_taken_for_outliers(lab, among, no_rivals):
     smaller = {name: effect for name, effect in among("slip").items() if name != "stiffness-hardening"}
     found = limited(smaller, diagnose, lab.measured("stiffness-hardening", points=13), lab.mode())
     all_rows = np.sqrt(np.mean(nominal_residuals(found.leading.best) ** 2))
@@ -294,7 +294,7 @@ def test_a_record_that_fits_where_its_levels_scatter_as_one_rig_in_ten_says_so_f
     assert "taken from this very record, fits the test to its noise" in verdict
 
 
-def test_a_drive_that_slows_down_as_the_motion_grows_is_told_beside_the_spring_it_imitates(lab, among):
+def test_a_drive_that_slows_down_as_the_motion_grows_is_told_beside_the_spring_it_imitates(lab, among, no_rivals):
     """In closed form: a linear mode driven at omega (1 - s A^2), recorded as omega, A by bisection at every row."""
     rows = lab.bench().rows
     low, high = np.zeros_like(rows.omega), np.full_like(rows.omega, 2.0 * lab.A)
@@ -342,7 +342,7 @@ def test_another_quantity_entered_as_displacement_is_said(lab, power, what):
     assert not any("entered as displacement" in caution for caution in lab.diagnosed("residual-modes").cautions)
 
 
-def test_a_force_that_falls_with_the_motion_is_no_sure_fault_of_the_sensor(lab, among):
+def test_a_force_that_falls_with_the_motion_is_no_sure_fault_of_the_sensor(lab, among, no_rivals):
     """An amplifier gives F (1 - A^2/(3 B^2)) at motion A up to B: a linear mode reads as under a compressing sensor."""
     rows = lab.bench().rows
     linear = lab.linear(rows).amplitude
@@ -529,7 +529,7 @@ def test_a_mass_beyond_its_tolerance_is_told_where_mass_was_added(lab, among):
     assert alone.leading.effects == ("amplitude-scale",)
 
 
-def test_cross_talk_in_proportion_to_the_force_is_a_background_at_any_angle(lab, among):
+def test_cross_talk_in_proportion_to_the_force_is_a_background_at_any_angle(lab, among, no_rivals):
     """In closed form: F/Z + c F exp(-i angle), of 15 % of the resonance per force, neither in phase nor against it."""
     rows, c, angle = lab.bench().rows, 0.15 / (lab.viscous * lab.omega), 1.2
     Z = lab.mass * (lab.omega**2 - rows.omega**2) + 1j * lab.viscous * rows.omega
@@ -555,7 +555,7 @@ def test_cross_talk_in_phase_is_told_beside_the_residual_modes_it_imitates(lab):
 
 
 @pytest.mark.parametrize("ratio", [1.2, pytest.param(0.8, marks=pytest.mark.slow)])
-def test_a_sensor_whose_mount_resonates_beyond_the_rows_is_told_with_its_frequency(lab, ratio, among):
+def test_a_sensor_whose_mount_resonates_beyond_the_rows_is_told_with_its_frequency(lab, ratio, among, no_rivals):
     """In closed form: the reading 1/(1 - (f/f_s)^2), right at the mode; a compliance without phases, to first order."""
     rows = lab.bench().rows
     gain = (1.0 - ratio**-2) / (1.0 - (rows.omega / (ratio * lab.omega)) ** 2)
@@ -574,7 +574,7 @@ def test_a_sensor_whose_mount_resonates_beyond_the_rows_is_told_with_its_frequen
 
 
 @pytest.mark.parametrize("carried", [0.012, -0.012])
-def test_what_loads_the_structure_in_the_test_alone_is_told_beside_a_wrong_frequency(lab, carried, among):
+def test_what_loads_the_structure_in_the_test_alone_is_told_beside_a_wrong_frequency(lab, carried, among, no_rivals):
     """In closed form: the structure carries 1.2 % of its mass more, or a spring holds it that undoes as much."""
     rows = lab.bench().rows
     cells = lab.linear(rows, omega=lab.omega / np.sqrt(1.0 + carried))
@@ -589,7 +589,7 @@ def test_what_loads_the_structure_in_the_test_alone_is_told_beside_a_wrong_frequ
 
 
 @pytest.mark.parametrize("share", [25, 150])
-def test_a_damper_of_the_rig_is_told_beside_the_viscous_coefficient_it_adds_to(lab, share, among):
+def test_a_damper_of_the_rig_is_told_beside_the_viscous_coefficient_it_adds_to(lab, share, among, no_rivals):
     """In closed form: a shaker's armature adds to the viscous coefficient; a measured force excludes it."""
     rows = lab.bench().rows
     viscous = (1.0 + 0.01 * share) * lab.viscous
@@ -600,7 +600,7 @@ def test_a_damper_of_the_rig_is_told_beside_the_viscous_coefficient_it_adds_to(l
     assert describe_rig(with_measured_force(fit)) == []
 
 
-def test_a_clock_that_drifts_is_told_beside_the_drift_it_imitates(lab, among):
+def test_a_clock_that_drifts_is_told_beside_the_drift_it_imitates(lab, among, no_rivals):
     """In closed form: recorded frequencies are true in the middle of the record, half a bandwidth off at the ends."""
     rows = lab.bench().rows
     true = replace(rows, omega=rows.omega * (1.0 - lab.xi * np.linspace(-0.5, 0.5, rows.omega.size)))

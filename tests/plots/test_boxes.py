@@ -36,7 +36,7 @@ LAWS = [
 def boxes(figure: Figure) -> tuple[Bbox, list[tuple[str, Bbox]]]:
     """The figure's box, and each visible text that is not empty with its own."""
     canvas = FigureCanvasAgg(figure)
-    canvas.draw()
+    figure.draw_without_rendering()
     renderer = canvas.get_renderer()
     every = [*figure.axes, *(child for axes in figure.axes for child in axes.child_axes)]
     outside = set()

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import ast
 from base64 import b64decode
 from itertools import combinations
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -13,10 +11,6 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-import damping
-import damping_pipelines
-import damping_reed1970
-import damping_validation
 from damping.forces import CATALOGUE
 from damping.plots import describe_short, identifier, law_style, styled, to_svg
 from damping.plots.fits import MANY, deviations_figure
@@ -144,21 +138,3 @@ def _lab(linear: np.ndarray) -> np.ndarray:
     ratio = to_xyz @ np.clip(linear, 0.0, 1.0) / np.array([0.95047, 1.0, 1.08883])
     f = np.where(ratio > 0.008856, np.cbrt(ratio), 7.787 * ratio + 16.0 / 116.0)
     return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
-
-
-def test_nothing_imports_pyplot() -> None:
-    """pyplot holds global state: figures here are made as objects."""
-    for package in (damping, damping_pipelines, damping_reed1970, damping_validation):
-        for path in Path(package.__file__).parent.rglob("*.py"):
-            imported = {
-                name for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) for name in _imported(node)
-            }
-            assert not {name for name in imported if "pyplot" in name or name.endswith("pylab")}, path
-
-
-def _imported(node: ast.AST) -> list[str]:
-    if isinstance(node, ast.Import):
-        return [alias.name for alias in node.names]
-    if isinstance(node, ast.ImportFrom):
-        return [f"{node.module}.{alias.name}" for alias in node.names]
-    return []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -146,8 +147,17 @@ def test_every_force_of_the_catalogue_is_compared() -> None:
     assert set(CATALOGUE) <= set(AGREEMENT)
 
 
-@pytest.mark.parametrize("ratio", [0.9, 1.0, *(pytest.param(ratio, marks=pytest.mark.slow) for ratio in (0.99, 1.05))])
-@pytest.mark.parametrize("name", AGREEMENT)
+#: Below and at resonance; of Dahl's joint above, since it settles for a hundred periods at resonance.
+QUICK = {(name, ratio) for name in AGREEMENT for ratio in (0.9, 1.05 if name == "dahl" else 1.0)}
+
+
+@pytest.mark.parametrize(
+    ("name", "ratio"),
+    [
+        pytest.param(*at, marks=[] if at in QUICK else pytest.mark.slow)
+        for at in product(AGREEMENT, (0.9, 0.99, 1.0, 1.05))
+    ],
+)
 def test_averages_agree_with_time(name: str, ratio: float) -> None:
     force, of_amplitude, of_phase = AGREEMENT[name]
     averaged = branches(force, F, np.array([ratio * omega_n]), M, omega_n)

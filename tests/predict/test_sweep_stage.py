@@ -69,6 +69,7 @@ def test_methods_agree(model: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(averaged["phase"], integrated["phase"], rtol=0, atol=1e-3)
 
 
+@pytest.mark.usefixtures("few_steps")
 def test_command_line(model: Path, tmp_path: Path, damping) -> None:
     out = tmp_path / "record.csv"
     run = damping("sweep", model, "--force", 5, "--force", 20, "--frequency", "1.6:1.7:11", "--out", out)
@@ -184,6 +185,7 @@ frequency_ratio = 1.01
     np.testing.assert_allclose(record.column("phase"), -np.unwrap(np.angle(reading)), rtol=1e-6)
 
 
+@pytest.mark.usefixtures("few_steps")
 @pytest.mark.parametrize("method", ["ritz", "time"])
 @pytest.mark.parametrize(
     ("table", "gain"),

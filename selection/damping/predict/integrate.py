@@ -32,7 +32,7 @@ _FREE_FROM_REST = (8, 24, 72)
 _FREE = (2, 24, 72)  #: the same from the motion at a neighbouring frequency, which is already close
 _MOST_SHOTS = 15  #: most Newton steps of a shooting attempt; it converges in four or five, or not at all
 _HIT = 1e-8  #: change over one period, relative to the amplitude, at which shooting has converged
-_WINDOW = 5  #: periods of one window of a settling motion
+_WINDOW = 5  #: periods of one window of a settling motion; of one that shooting found a single period
 _AGREEMENT = 1e-6  #: relative agreement of successive windows, extrapolated to all later ones
 #: Most windows for settling: 3000 periods, after which damping of 0.1 % leaves e^-18 of the transient.
 _MOST_WINDOWS = 600
@@ -251,12 +251,13 @@ def _settle(oscillator: Oscillator, state: State, radius: float | None) -> TimeS
     shooting found one, else the ratio of the last two changes.
     """
     previous, last = None, np.inf
+    periods = _WINDOW if radius is None else 1
     for _ in range(_MOST_WINDOWS):
-        state = advance(oscillator, state.restarted, _WINDOW)
-        harmonic = complex(state.sums[0], state.sums[1]) * 2.0 / (_WINDOW * oscillator.period)  # A exp(-i phase)
+        state = advance(oscillator, state.restarted, periods)
+        harmonic = complex(state.sums[0], state.sums[1]) * 2.0 / (periods * oscillator.period)  # A exp(-i phase)
         if previous is not None:
             change = abs(harmonic - previous) / max(abs(harmonic), 1e-300)
-            ratio = radius**_WINDOW if radius is not None else min(change / last, 1.0) if last > 0.0 else 0.0
+            ratio = radius if radius is not None else min(change / last, 1.0) if last > 0.0 else 0.0
             if (radius is not None or np.isfinite(last)) and change <= _AGREEMENT * (1.0 - ratio):
                 return TimeState(abs(harmonic), float(-np.angle(harmonic)), state.restarted)
             last = change

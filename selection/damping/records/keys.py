@@ -18,8 +18,9 @@ from damping.errors import InputError, list_nearest, naming
 from damping.records.text import DEFAULT_MAX_SIZE, decode, describe_shortened, read_bytes
 
 if TYPE_CHECKING:
-    import pandas as pd
     from pydantic import BaseModel
+
+    from damping.arrays import BoolArray, FloatArray
 
 Schema = TypeVar("Schema", bound="BaseModel")
 
@@ -51,23 +52,23 @@ LARGEST = 1e50
 
 
 #: A test of cells, and what is expected of a cell that fails it.
-Test = tuple[Callable[["pd.Series"], "pd.Series"], str]
+Test = tuple[Callable[["FloatArray"], "BoolArray"], str]
 
 
 def _list_tests(column: Mapping[str, str]) -> list[Test]:
     wanted = f"{column['meaning']} {column['range']}"
     # numbers <= 0 have a test of their own
-    magnitude = (lambda x: (x <= 0.0) | x.between(SMALLEST, LARGEST), f"a magnitude of {SMALLEST:g} to {LARGEST:g}")
+    magnitude = (lambda x: (x <= 0.0) | (x >= SMALLEST) & (x <= LARGEST), f"a magnitude of {SMALLEST:g} to {LARGEST:g}")
     within = "radians within -2 pi..2 pi (phases in degrees?)"
     within += ", less whole turns" if column["column"] == "phase_3" else ""  # three times a lag passes 2 pi
-    turn: Test = (lambda x: x.between(-2.0 * pi, 2.0 * pi), within)
+    turn: Test = (lambda x: (x >= -2.0 * pi) & (x <= 2.0 * pi), within)
     positive, least = [(lambda x: x > 0.0, wanted), magnitude], [(lambda x: x >= 0.0, wanted), magnitude]
     return {"> 0": positive, ">= 0": least, "radians": [turn]}.get(column["range"], [])
 
 
 #: The tests of each column of a record. A standard uncertainty of zero means that none is stated. Empty cells (NaN) are
 #: not tested here: the reader of the file decides whether a cell may be empty.
-COLUMN_TESTS = {column["column"]: _list_tests(column) for column in _COLUMNS}
+COLUMN_TESTS = {column["column"]: tests for column in _COLUMNS if (tests := _list_tests(column))}
 
 
 MAX_TOML_SIZE = 1_000_000  #: largest TOML file that is read, bytes (a mode takes less than one thousand)

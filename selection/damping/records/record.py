@@ -169,11 +169,12 @@ def find_problems(table: pd.DataFrame) -> list[CellProblem]:
     """
     problems = []
     for name in filter(table.columns.__contains__, keys.COLUMN_TESTS):
-        cells, tests = table[name].dropna(), keys.COLUMN_TESTS[name]
-        failing = [(int(cells.index[~good][0]), wanted) for test, wanted in tests if not (good := test(cells)).all()]
+        values = table[name].to_numpy(dtype=np.float64)
+        bad = [(~test(values) & ~np.isnan(values), wanted) for test, wanted in keys.COLUMN_TESTS[name]]
+        failing = [(int(np.argmax(rows)), wanted) for rows, wanted in bad if rows.any()]
         if failing:
             row, wanted = min(failing, key=itemgetter(0))
-            problems.append(CellProblem(row, name, f"{float(cells[row]):g}", wanted))
+            problems.append(CellProblem(row, name, f"{values[row]:g}", wanted))
     try:
         repeats = table.duplicated().to_numpy()
     except TypeError:  # lists in a further column have no hash: compared as text
@@ -221,8 +222,9 @@ def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
     for name in filter(typed.columns.__contains__, (*keys.REQUIRED_COLUMNS, *keys.OPTIONAL_COLUMNS)):
         cells = typed[name]
         if name in keys.TEXT_COLUMNS:
-            typed[name], expected = cells.astype(str).astype(object), "text"
-            good = (cells.notna() & (cells.astype(str).str.strip() != "")).to_numpy(dtype=bool)
+            texts, expected = cells.astype(str), "text"
+            typed[name] = texts.astype(object)
+            good = (cells.notna() & (texts.str.strip() != "")).to_numpy(dtype=bool)
         else:
             typed[name], expected = read_numbers(cells, name, file), keys.IN_TEXT.get(name, keys.A_NUMBER)
             may_be_blank = cells.isna().to_numpy(dtype=bool) & (name in keys.BLANK_COLUMNS)
@@ -240,6 +242,8 @@ def read_numbers(cells: pd.Series, name: str, file: str | None, also: str = "") 
 
     InputError: values of a kind in ``keys.NO_NUMBERS`` that is not ``also`` taken, or a number too large.
     """
+    if cells.dtype == np.float64:
+        return cells.to_numpy(copy=True)
     kind = pd.api.types.infer_dtype(cells)
     kinds = {pd.api.types.infer_dtype([cell]) for cell in cells} if kind.startswith("mixed") else {kind}
     for kind in sorted(kinds & keys.NO_NUMBERS.keys() - {also}):

@@ -74,8 +74,17 @@ class Run:
 
 def runs_of(record: Record) -> list[Run]:
     """The runs of a record: the legs of each sweep up or down in frequency; a sweep without legs is one run."""
-    ordered = [order_rows(table) for _, table in record.frame.groupby("sweep", sort=False)]
-    return [_run(table.iloc[leg].sort_values("frequency", kind="stable")) for table, legs in ordered for leg in legs]
+    frame, runs = record.frame, []
+    F, omega, A = record.column("force"), RAD_S_PER_HZ * record.column("frequency"), record.column("amplitude")
+    phase, added = record.column("phase") if record.has_phase else None, record.added_masses
+    for sweep, table in frame.groupby("sweep", sort=False):
+        ordered, legs = order_rows(table)
+        for leg in legs:
+            rows = ordered.index.to_numpy(dtype=np.int64)[leg]
+            rows = rows[np.argsort(omega[rows], kind="stable")]
+            lag = None if phase is None else phase[rows]
+            runs.append(Run(str(sweep), rows, F[rows], omega[rows], A[rows], lag, added[rows]))
+    return runs
 
 
 def order_rows(table: pd.DataFrame) -> tuple[pd.DataFrame, list[IntArray]]:
@@ -90,21 +99,6 @@ def order_rows(table: pd.DataFrame) -> tuple[pd.DataFrame, list[IntArray]]:
     if len(legs) == 1 or min(map(len, legs)) >= FEWEST_ROWS:
         return table, legs
     return table.sort_values(["frequency", "amplitude"]), [np.arange(len(table))]
-
-
-def _run(table: pd.DataFrame) -> Run:
-    def column(name: str) -> FloatArray:
-        return table[name].to_numpy(dtype=np.float64)
-
-    return Run(
-        sweep=str(table["sweep"].iloc[0]),
-        rows=table.index.to_numpy(dtype=np.int64),
-        F=column("force"),
-        omega=RAD_S_PER_HZ * column("frequency"),
-        A=column("amplitude"),
-        phase=column("phase") if "phase" in table.columns else None,
-        added=np.nan_to_num(column("added_mass")) if "added_mass" in table.columns else np.zeros(len(table)),
-    )
 
 
 @dataclass(frozen=True)
