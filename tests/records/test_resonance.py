@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from damping.gap.rows import read_rows
 from damping.infer.observations import observe
 from damping.records import audit
+from damping.records.check_jumps import find_jump_up
 from damping.records.mode import Mode
 from damping.records.reading import read_record
 from damping.records.record import Record, energy_per_cycle
@@ -269,6 +270,23 @@ def test_a_sweep_that_jumps_past_resonance(cubic, growth):
     said = [f.what for f in audit(swept).findings if f.check == "edge-of-sweep"]
     assert len(said) == 1
     assert f"sweep A between {before[-1]:.4g} and {after[0]:.4g} Hz" in said[0]
+
+    # without phases the largest reading is taken; backwards it is the end of the branch, where the sweep jumps down
+    columns = np.r_[before, after], amplitude
+    up, down = (audit(record(1.5, *(column[::way] for column in columns))) for way in (1, -1))
+    said, said_backwards = ([f.what for f in found.findings if "jumps up" in f.what] for found in (up, down))
+    assert len(said) == 1
+    assert f"sweep A between {before[-1]:.4g} and {after[0]:.4g} Hz" in said[0]
+    assert not said_backwards
+
+
+def test_no_sweep_of_a_linear_mode_jumps_up():
+    """|A/F| of a linear mode falls beside its largest row by at least its rise, whatever the step; 3 % noise."""
+    rng = np.random.default_rng(2)
+    for step in np.tile([0.1, 0.4, 1.0, 3.0], 50):
+        frequency = grid(31, span=15.0 * step) + rng.uniform(-0.5, 0.5) * step * HALF_WIDTH
+        A = linear(frequency)[0] * (1 + 0.03 * rng.standard_normal(31))
+        assert find_jump_up(np.full(31, 1.5), frequency, A) is None
 
 
 def test_a_coarse_sweep_of_a_linear_mode_does_not_jump():

@@ -9,9 +9,8 @@ from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
 from damping.records.implied import INCOHERENT, NEAR, SMOOTH
 from damping.records.other_modes import is_of_other_modes, is_split
 from damping.records.outliers import ISOLATED
-from damping.records.resonance import find_jump
-from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_run_peaks, order_rows
-from damping.records.view import MOST_NAMED, Finding, NamedFinding, View, label_sweeps, name_sweeps, take_median
+from damping.records.runs import FEWEST_ROWS, Run, count_beats, find_run_peaks
+from damping.records.view import Finding, NamedFinding, View, label_sweeps, name_sweeps, take_median
 
 
 def check_noise(view: View) -> Finding | None:
@@ -86,23 +85,6 @@ def check_edge(view: View) -> Finding | None:
     advice = "sweep on past the resonance"
     advice += ", or record the phase: without it the edge would be taken for the resonance" if blind else ""
     return Finding("edge-of-sweep", "refuse" if blind else "caution", what, advice, sweeps)
-
-
-def check_jump(view: View) -> Finding | None:
-    """Sweeps of a bistable mode that jump past their resonance, so that no row is at it."""
-    jumps: dict[str, str] = {}
-    table = view.resonances[view.resonances["method"] == "beside"]
-    for sweep, offset in zip(table["sweep"].astype(str), table["phase_offset"].astype(float), strict=True):
-        rows, _ = order_rows(view.right.frame[view.right.frame["sweep"].astype(str) == sweep])
-        F, f, A, phase = (rows[name].to_numpy(float) for name in ("force", "frequency", "amplitude", "phase"))
-        if (row := find_jump(F, f, A, phase - offset)) is not None:
-            jumps[sweep] = f"sweep {sweep} between {f[row]:.4g} and {f[row + 1]:.4g} Hz"
-    if not jumps:
-        return None
-    named = ", ".join(list(jumps.values())[:MOST_NAMED])
-    what = f"jumps past the resonance: {named}; the damping is that of the row beside it"
-    advice = "sweep the other way, or hold the phase at 90 degrees, to reach the resonance"
-    return Finding("edge-of-sweep", "caution", what, advice, tuple(jumps))
 
 
 #: A resonance that lies above the largest reading by this factor is reported: bands of careful tests are narrower.
