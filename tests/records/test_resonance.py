@@ -280,6 +280,39 @@ def test_a_sweep_that_jumps_past_resonance(cubic, growth):
     assert not said_backwards
 
 
+@pytest.mark.parametrize("growth", [0.0, 1.0])
+@pytest.mark.parametrize("rig", ["held", "unloaded"])
+def test_the_resonance_of_a_force_that_falls_there_is_where_the_response_per_force_is_largest(rig, growth):
+    """A controller that holds the response, or a shaker with inductance, whose largest amplitude is beside resonance.
+
+    |Z| is least at resonance, where it is the damping force over the amplitude; no phases are recorded, 0.3 % noise.
+    """
+    rng = np.random.default_rng(6)
+    frequency = grid(41)
+    w, motion = 2 * pi * frequency, np.full(41, LINEAR_PEAK)
+    for _ in range(200 if rig == "unloaded" else 1):
+        Z = M * (OMEGA_N**2 - w**2) + 1j * C * w * (1 + growth * motion / LINEAR_PEAK)
+        motion = motion if rig == "held" else 0.5 * motion + 0.5 * 6.0 / np.abs(Z + (3 + 3j) * C * w)
+    force, amplitude = (column * (1 + 0.003 * rng.standard_normal(41)) for column in (np.abs(Z) * motion, motion))
+    swept = record(force, frequency, amplitude)
+    found = resonance(swept, "A")
+    assert found.frequency == pytest.approx(OMEGA_N / (2 * pi), abs=0.3 * HALF_WIDTH)
+    true = C * OMEGA_N * (1 + growth * found.amplitude / LINEAR_PEAK)
+    # 0.3 half-widths from resonance |Z| is 4 % above C omega, and the noise of a ratio is 0.4 %
+    assert found.force / found.amplitude == pytest.approx(true, rel=0.05)
+    assert np.argmax(amplitude) != found.row
+    energy = energy_per_cycle(swept)
+    assert np.flatnonzero(np.isfinite(energy)).tolist() == [found.row]
+
+
+@pytest.mark.parametrize("row", [3, 12, 19, 27])
+def test_one_low_reading_of_the_force_is_no_resonance(row):
+    frequency = grid(41)
+    force = np.full(41, 1.5)
+    force[row] *= 0.5
+    assert resonance(record(force, frequency, linear(frequency)[0]), "A").row == 20
+
+
 def test_no_sweep_of_a_linear_mode_jumps_up():
     """|A/F| of a linear mode falls beside its largest row by at least its rise, whatever the step; 3 % noise."""
     rng = np.random.default_rng(2)

@@ -9,6 +9,7 @@ from math import log
 import numpy as np
 
 from damping.arrays import FloatArray
+from damping.records.peaks import find_noise, find_peak
 from damping.records.resonance import find_jump
 from damping.records.runs import order_rows
 from damping.records.view import MOST_NAMED, Finding, View
@@ -47,7 +48,7 @@ def check_jump_up(view: View) -> Finding | None:
     for sweep, table in view.right.frame.groupby("sweep", sort=False):
         rows, legs = order_rows(table)
         F, f, A = (rows[name].to_numpy(dtype=np.float64) for name in ("force", "frequency", "amplitude"))
-        leg = next(leg for leg in legs if int(np.argmax(A)) in leg)
+        leg = next(leg for leg in legs if find_peak(F, f, A) in leg)
         if (row := find_jump_up(F[leg], f[leg], A[leg])) is not None:
             jumps[str(sweep)] = _name_jump(str(sweep), f[leg], row)
     if not jumps:
@@ -64,14 +65,13 @@ def find_jump_up(force: FloatArray, frequency: FloatArray, amplitude: FloatArray
 
     None without a jump (``RISE``, ``ONE_SIDED``), or if no row lies twice its step beyond that amplitude.
     """
-    g, top = np.log(amplitude / force), int(np.argmax(amplitude))
+    g, top = np.log(amplitude / force), find_peak(force, frequency, amplitude)
     step = np.abs(frequency - frequency[top])
     beyond = np.flatnonzero(step[top + 1 :] >= (2.0 - 1e-6) * step[top - 1]) if top else np.empty(0, np.int64)
     if not len(beyond):
         return None
-    noise = float(np.median(np.abs(np.diff(g, 2)))) / (0.6745 * 6.0**0.5) if len(g) > 2 else 0.0
     fall = float(g[top] - g[top + 1 + beyond[0]])
-    return top - 1 if g[top] - g[top - 1] > max(log(RISE), ONE_SIDED * max(fall, noise)) else None
+    return top - 1 if g[top] - g[top - 1] > max(log(RISE), ONE_SIDED * max(fall, find_noise(g))) else None
 
 
 def _name_jump(sweep: str, frequency: FloatArray, row: int) -> str:

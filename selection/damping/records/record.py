@@ -15,6 +15,7 @@ import pandas as pd
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.records import keys
+from damping.records.peaks import find_peak
 from damping.records.summary import MOST_SHOWN, Summarised
 from damping.records.text import (
     count,
@@ -254,14 +255,17 @@ def energy_per_cycle(record: Record) -> FloatArray:
     """Energy input per cycle of each row (n,), in force times length.
 
     The column ``energy``; else pi F A sin(phase) (report, section 3.2), which noise may make negative; else, without
-    phases, pi F A in the row of largest amplitude of each sweep, taken to be at phase resonance, and NaN elsewhere.
+    phases, pi F A in the row of each sweep that is taken to be at phase resonance (`find_peak`), NaN elsewhere.
     """
     if "energy" in record.frame.columns:
         return record.column("energy")
     largest = math.pi * record.column("force") * record.column("amplitude")
     if record.has_phase:
         return largest * np.sin(record.column("phase"))
-    peaks = record.frame.groupby("sweep", sort=False)["amplitude"].idxmax().to_numpy()
+    force, A = record.column("force"), record.column("amplitude")  # a table to be regressed may have no frequency
+    place = record.column("frequency") if "frequency" in record.frame.columns else np.arange(len(record), dtype=float)
+    sweeps = record.frame.groupby("sweep", sort=False).indices.values()
+    peaks = [rows[find_peak(force[rows], place[rows], A[rows])] for rows in sweeps]
     energy = np.full(len(record), np.nan)
     energy[peaks] = largest[peaks]
     return energy

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, IntArray
+from damping.records.peaks import find_peak
 from damping.records.record import Record
 from damping.records.runs import POWER_TURNS, estimate_power, find_between, order_rows
 
@@ -103,7 +104,7 @@ def find_resonance(sweep: str, table: pd.DataFrame, power: float = 1.0) -> Reson
     ``ROWS_FOR_FIT`` rows there, two neighbours are interpolated to Re Z = 0, exact for a linear mode under constant
     force; if the sweep jumps from a row at resonance, 1/Im Z is that of this row. The amplitude is force / Im Z.
     Without phases and energies a coarse sweep is read between its rows (:func:`find_between`). Else, and without a
-    passage (:func:`find_jump`), the row of largest amplitude is taken.
+    passage (:func:`find_jump`), the row of largest amplitude is taken, or of A/F (:func:`find_peak`).
     """
     table, _ = order_rows(table)
     rows = table.index.to_numpy(dtype=np.int64)
@@ -118,7 +119,7 @@ def find_resonance(sweep: str, table: pd.DataFrame, power: float = 1.0) -> Reson
             return Resonance(sweep, *passage, offset, "interpolated", row)
         if (beside := _beside_resonance(force, frequency, amplitude, phase - offset)) is not None:
             return Resonance(sweep, *beside, offset, "beside", int(rows[np.argmax(amplitude)]))
-    peak = int(np.argmax(amplitude))
+    peak = find_peak(force, frequency, amplitude)
     silent = not {"phase", "energy"} & set(table.columns)
     if silent and (between := find_between(force, frequency, amplitude, power)) is not None:
         return Resonance(sweep, *between, offset, "between", int(rows[peak]))

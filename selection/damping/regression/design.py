@@ -68,8 +68,8 @@ def take_columns(table: pd.DataFrame, names: Iterable[str], source: str = "table
     """The columns of ``names``, of response and factors, each once; ``source`` names the table in messages.
 
     ``table`` holds what ``list_required_columns`` names, as finite numbers (``sweep`` excepted). Without ``phase``, an
-    energy to be derived is known at phase resonance only, where it is pi * force * amplitude: the row of largest
-    amplitude of each sweep is used and the others are omitted. AnalysisError: no row remains.
+    energy to be derived is known at phase resonance only, where it is pi * force * amplitude: one row of each sweep is
+    used (:func:`damping.records.record.energy_per_cycle`). AnalysisError: no row remains.
     """
     values: dict[str, FloatArray] = {}
     notes: list[str] = []
