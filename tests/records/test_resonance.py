@@ -305,6 +305,18 @@ def test_the_resonance_of_a_force_that_falls_there_is_where_the_response_per_for
     assert np.flatnonzero(np.isfinite(energy)).tolist() == [found.row]
 
 
+@pytest.mark.parametrize("known", ["phase", "energy"])
+def test_a_dwell_beside_resonance_has_its_force_in_quadrature(known):
+    """Sweeps of one row, 0.6 half-widths below and above: C omega A at their amplitudes, as a ranking takes it."""
+    frequency = OMEGA_N / (2 * pi) + np.array([-0.6, 0.6]) * HALF_WIDTH
+    A, phase = linear(frequency, force=np.array([1.0, 2.0]))
+    damping = C * 2 * pi * frequency * A
+    columns = {"phase": phase} if known == "phase" else {"energy": pi * damping * A}
+    data = observe(record([1.0, 2.0], frequency, A, sweep=["A", "B"], **columns))
+    np.testing.assert_allclose(data.tested_force, damping, rtol=1e-12)
+    np.testing.assert_allclose(data.D, data.tested_force, rtol=1e-12)
+
+
 @pytest.mark.parametrize("row", [3, 12, 19, 27])
 def test_one_low_reading_of_the_force_is_no_resonance(row):
     frequency = grid(41)

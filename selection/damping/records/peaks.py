@@ -1,8 +1,9 @@
-"""The row of a sweep that is taken for its resonance where no phase and no energy shows it."""
+"""The row of a sweep that is taken for its resonance where no phase shows it, and the force of an only row."""
 
-from math import log
+from math import log, pi
 
 import numpy as np
+import pandas as pd
 
 from damping.arrays import FloatArray
 
@@ -41,3 +42,18 @@ def find_noise(compliance: FloatArray) -> float:
     if len(compliance) < FEWEST_FOR_NOISE:
         return 0.0
     return float(np.median(np.abs(np.diff(compliance, 2))) / (0.6745 * 6.0**0.5))
+
+
+def share_in_quadrature(row: pd.DataFrame) -> float:
+    """Share of its force that balances the damping in the only row of a sweep, by energy or phase; 1 without either.
+
+    A dwell beside resonance has the damping force E/(pi A), or F sin(phase), at its amplitude. Where noise leaves
+    nothing, the whole force is taken.
+    """
+    stated = row.iloc[0]
+    share = 1.0
+    if "energy" in row.columns:
+        share = float(stated["energy"]) / (pi * float(stated["force"]) * float(stated["amplitude"]))
+    elif "phase" in row.columns:
+        share = float(np.sin(stated["phase"]))
+    return share if share > 0.0 else 1.0
