@@ -317,6 +317,15 @@ def test_a_dwell_beside_resonance_has_its_force_in_quadrature(known):
     np.testing.assert_allclose(data.D, data.tested_force, rtol=1e-12)
 
 
+def test_the_largest_row_beside_resonance_has_the_damping_force_of_its_energy():
+    """Rows from 0.8 half-widths on, without phases: |Z| is 28 % above C omega, which the energy holds."""
+    frequency = OMEGA_N / (2 * pi) + np.array([-1.6, -1.2, -0.8, 0.9, 1.4]) * HALF_WIDTH
+    A, phase = linear(frequency)
+    found = resonance(record(1.5, frequency, A, energy=pi * 1.5 * A * np.sin(phase)), "A")
+    assert (found.method, found.row) == ("peak", 2)
+    assert found.force == pytest.approx(C * 2 * pi * frequency[2] * A[2], rel=1e-12)
+
+
 @pytest.mark.parametrize("row", [3, 12, 19, 27])
 def test_one_low_reading_of_the_force_is_no_resonance(row):
     frequency = grid(41)

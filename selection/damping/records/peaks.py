@@ -1,4 +1,4 @@
-"""The row of a sweep that is taken for its resonance where no phase shows it, and the force of an only row."""
+"""The row of a sweep that is taken for its resonance where no phase shows it, and its damping force beside it."""
 
 from math import log, pi
 
@@ -16,6 +16,9 @@ FORCE_FALLS = 1.05
 #: shaker unloaded in phase), a factor of 2.1 (out of phase) and 2.9 (response held) to 2 %; one gets worse. 200 at a
 #: constant force stay as they are, and 197 of 200 with one wrong reading of the force.
 BEYOND_NOISE = 5.0
+#: Share of the force, by its energy, from which the largest row of a sweep is at resonance: energies are read to some
+#: per cent, and the force better.
+AT_RESONANCE = 0.95
 
 
 def find_peak(force: FloatArray, frequency: FloatArray, amplitude: FloatArray) -> int:
@@ -44,16 +47,15 @@ def find_noise(compliance: FloatArray) -> float:
     return float(np.median(np.abs(np.diff(compliance, 2))) / (0.6745 * 6.0**0.5))
 
 
-def share_in_quadrature(row: pd.DataFrame) -> float:
-    """Share of its force that balances the damping in the only row of a sweep, by energy or phase; 1 without either.
+def share_in_quadrature(row: pd.Series) -> float:
+    """Share of the force of a row that balances the damping, by its energy, else by its phase; 1 without either.
 
-    A dwell beside resonance has the damping force E/(pi A), or F sin(phase), at its amplitude. Where noise leaves
-    nothing, the whole force is taken.
+    Beside resonance the damping force at its amplitude is E/(pi A), or F sin(phase). Where noise leaves nothing, the
+    whole force is taken.
     """
-    stated = row.iloc[0]
     share = 1.0
-    if "energy" in row.columns:
-        share = float(stated["energy"]) / (pi * float(stated["force"]) * float(stated["amplitude"]))
-    elif "phase" in row.columns:
-        share = float(np.sin(stated["phase"]))
+    if "energy" in row.index:
+        share = float(row["energy"]) / (pi * float(row["force"]) * float(row["amplitude"]))
+    elif "phase" in row.index:
+        share = float(np.sin(row["phase"]))
     return share if share > 0.0 else 1.0

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, ComplexArray, FloatArray, IntArray
-from damping.records.peaks import find_peak, share_in_quadrature
+from damping.records.peaks import AT_RESONANCE, find_peak, share_in_quadrature
 from damping.records.record import Record
 from damping.records.runs import POWER_TURNS, estimate_power, find_between, order_rows
 
@@ -61,7 +61,8 @@ class Resonance:
     phase_offset: float  #: subtracted from the phases, rad
     #: ``row`` (the only row of the sweep, with its force in quadrature), ``interpolated`` (phase pi/2 between rows),
     #: ``beside`` (damping force at the row of largest amplitude, if phases do not reach pi/2 or jump past it),
-    #: ``between`` (a curve through rows of a coarse sweep without phases) or ``peak`` (that row, taken for resonance)
+    #: ``between`` (a curve through rows of a coarse sweep without phases) or ``peak`` (that row, taken for resonance,
+    #: with the damping force that its energy states if that is clearly less)
     method: str
     row: int  #: of the record, at or nearest to resonance
 
@@ -124,9 +125,9 @@ def find_resonance(sweep: str, table: pd.DataFrame, power: float = 1.0) -> Reson
     if silent and (between := find_between(force, frequency, amplitude, power)) is not None:
         return Resonance(sweep, *between, offset, "between", int(rows[peak]))
     F, f, A = (float(column[peak]) for column in (force, frequency, amplitude))
-    if len(rows) == 1:
-        return Resonance(sweep, F * share_in_quadrature(table), f, A, offset, "row", int(rows[0]))
-    return Resonance(sweep, F, f, A, offset, "peak", int(rows[peak]))
+    share = share_in_quadrature(table.iloc[peak])
+    F *= share if len(rows) == 1 or share < AT_RESONANCE else 1.0
+    return Resonance(sweep, F, f, A, offset, "row" if len(rows) == 1 else "peak", int(rows[peak]))
 
 
 def phase_offset(force: FloatArray, frequency: FloatArray, amplitude: FloatArray, phase: FloatArray) -> float:
