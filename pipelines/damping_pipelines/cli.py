@@ -173,6 +173,7 @@ def main(arguments: list[str] | None = None) -> None:
             signal.signal(signal.SIGTERM, signal.default_int_handler)
         if command not in USE_PYARROW:
             leave_pyarrow_out()
+    _replace_closed()
     damping_pipelines.QUIET.set(False)
     gc.set_threshold(COLLECT_AFTER)
     try:
@@ -221,6 +222,13 @@ def _find_command(words: list[str]) -> str:
 
 #: What the system says of a closed or full standard output; errors of files are reported where files are written.
 OUTPUT_ERRORS = (errno.EPIPE, errno.ENOSPC, errno.EIO, errno.EFBIG, errno.EDQUOT)
+
+
+def _replace_closed() -> None:
+    """Discard what goes to a stream that was closed before the start, as a service may do; Python has None for it."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 (open until the end)
 
 
 def _discard_output() -> None:

@@ -529,13 +529,13 @@ def test_campaigns_are_advised_for_what_they_read(tmp_path):
     """Tables of time are one, and those of frequency if each sensor has a phase."""
     t = 0.01 * np.arange(50)
     pd.DataFrame({"time": t, "roof [g]": np.cos(t), "mid [g]": np.sin(t)}).to_csv(tmp_path / "a.csv", index=False)
-    with pytest.raises(InputError, match=r"which column is the response.*; damping campaign for all$"):
+    with pytest.raises(InputError, match=r"which column is the response.* response=NAME; damping campaign for all$"):
         read_file(tmp_path / "a.csv", Stated())
     scipy.io.savemat(tmp_path / "a.mat", {"freq": t, "roof": t, "mid": t, "force": 1.0})
     with pytest.raises(InputError, match=r"which column is the response\? roof, mid; .* response=UNIT$"):
         read_file(tmp_path / "a.mat", Stated())
     pd.DataFrame({"freq": t, "roof": t, "mid": t, "roof phase": t, "force": 1.0}).to_csv(tmp_path / "a.csv")
-    with pytest.raises(InputError, match=r"which column is the response.*; damping campaign for all$"):
+    with pytest.raises(InputError, match=r"which column is the .*else amplitude=NAME.*; damping campaign for all$"):
         read_file(tmp_path / "a.csv", Stated())
     with pytest.raises(InputError, match=r"'roof' has no phase; expected a column roof phase"):
         analyse([tmp_path / "a.mat"])

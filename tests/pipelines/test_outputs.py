@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import sys
 import threading
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,6 +17,7 @@ import damping as dp
 from damping.errors import InputError
 from damping.extrapolation.prediction import PARTS
 from damping_pipelines import manifest
+from damping_pipelines.cli import main
 from damping_pipelines.manifest import (
     MANIFEST,
     describe_code,
@@ -327,3 +329,14 @@ def test_keys_hold_the_source(monkeypatch, tmp_path):
     digest_source.cache_clear()
     assert digest_code() != before
     digest_source.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("stream", "words", "code"), [("stdout", ["--version"], 0), ("stderr", ["check", "none.csv"], 2)]
+)
+def test_a_stream_that_was_closed_before_the_start_is_no_error(monkeypatch, stream, words, code):
+    """As under a service, or after ``>&-``; Python then has None for the stream."""
+    monkeypatch.setattr(sys, stream, None)
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == code

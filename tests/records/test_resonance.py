@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from damping.gap.rows import read_rows
 from damping.infer.observations import observe
 from damping.records import audit
+from damping.records.check_jumps import find_jump_up
 from damping.records.mode import Mode
 from damping.records.pairs import phase_offset
 from damping.records.reading import read_record
@@ -269,6 +270,77 @@ def test_a_sweep_that_jumps_past_resonance(cubic, growth):
     said = [f.what for f in audit(swept).findings if f.check == "edge-of-sweep"]
     assert len(said) == 1
     assert f"sweep A between {before[-1]:.4g} and {after[0]:.4g} Hz" in said[0]
+
+    # without phases the largest reading is taken; backwards it is the end of the branch, where the sweep jumps down
+    columns = np.r_[before, after], amplitude
+    up, down = (audit(record(1.5, *(column[::way] for column in columns))) for way in (1, -1))
+    said, said_backwards = ([f.what for f in found.findings if "jumps up" in f.what] for found in (up, down))
+    assert len(said) == 1
+    assert f"sweep A between {before[-1]:.4g} and {after[0]:.4g} Hz" in said[0]
+    assert not said_backwards
+
+
+@pytest.mark.parametrize("growth", [0.0, 1.0])
+@pytest.mark.parametrize("rig", ["held", "unloaded"])
+def test_the_resonance_of_a_force_that_falls_there_is_where_the_response_per_force_is_largest(rig, growth):
+    """A controller that holds the response, or a shaker with inductance, whose largest amplitude is beside resonance.
+
+    |Z| is least at resonance, where it is the damping force over the amplitude; no phases are recorded, 0.3 % noise.
+    """
+    rng = np.random.default_rng(6)
+    frequency = grid(41)
+    w, motion = 2 * pi * frequency, np.full(41, LINEAR_PEAK)
+    for _ in range(200 if rig == "unloaded" else 1):
+        Z = M * (OMEGA_N**2 - w**2) + 1j * C * w * (1 + growth * motion / LINEAR_PEAK)
+        motion = motion if rig == "held" else 0.5 * motion + 0.5 * 6.0 / np.abs(Z + (3 + 3j) * C * w)
+    force, amplitude = (column * (1 + 0.003 * rng.standard_normal(41)) for column in (np.abs(Z) * motion, motion))
+    swept = record(force, frequency, amplitude)
+    found = resonance(swept, "A")
+    assert found.frequency == pytest.approx(OMEGA_N / (2 * pi), abs=0.3 * HALF_WIDTH)
+    true = C * OMEGA_N * (1 + growth * found.amplitude / LINEAR_PEAK)
+    # 0.3 half-widths from resonance |Z| is 4 % above C omega, and the noise of a ratio is 0.4 %
+    assert found.force / found.amplitude == pytest.approx(true, rel=0.05)
+    assert np.argmax(amplitude) != found.row
+    energy = energy_per_cycle(swept)
+    assert np.flatnonzero(np.isfinite(energy)).tolist() == [found.row]
+
+
+@pytest.mark.parametrize("known", ["phase", "energy"])
+def test_a_dwell_beside_resonance_has_its_force_in_quadrature(known):
+    """Sweeps of one row, 0.6 half-widths below and above: C omega A at their amplitudes, as a ranking takes it."""
+    frequency = OMEGA_N / (2 * pi) + np.array([-0.6, 0.6]) * HALF_WIDTH
+    A, phase = linear(frequency, force=np.array([1.0, 2.0]))
+    damping = C * 2 * pi * frequency * A
+    columns = {"phase": phase} if known == "phase" else {"energy": pi * damping * A}
+    data = observe(record([1.0, 2.0], frequency, A, sweep=["A", "B"], **columns))
+    np.testing.assert_allclose(data.tested_force, damping, rtol=1e-12)
+    np.testing.assert_allclose(data.D, data.tested_force, rtol=1e-12)
+
+
+def test_the_largest_row_beside_resonance_has_the_damping_force_of_its_energy():
+    """Rows from 0.8 half-widths on, without phases: |Z| is 28 % above C omega, which the energy holds."""
+    frequency = OMEGA_N / (2 * pi) + np.array([-1.6, -1.2, -0.8, 0.9, 1.4]) * HALF_WIDTH
+    A, phase = linear(frequency)
+    found = resonance(record(1.5, frequency, A, energy=pi * 1.5 * A * np.sin(phase)), "A")
+    assert (found.method, found.row) == ("peak", 2)
+    assert found.force == pytest.approx(C * 2 * pi * frequency[2] * A[2], rel=1e-12)
+
+
+@pytest.mark.parametrize("row", [3, 12, 19, 27])
+def test_one_low_reading_of_the_force_is_no_resonance(row):
+    frequency = grid(41)
+    force = np.full(41, 1.5)
+    force[row] *= 0.5
+    assert resonance(record(force, frequency, linear(frequency)[0]), "A").row == 20
+
+
+def test_no_sweep_of_a_linear_mode_jumps_up():
+    """|A/F| of a linear mode falls beside its largest row by at least its rise, whatever the step; 3 % noise."""
+    rng = np.random.default_rng(2)
+    for step in np.tile([0.1, 0.4, 1.0, 3.0], 50):
+        frequency = grid(31, span=15.0 * step) + rng.uniform(-0.5, 0.5) * step * HALF_WIDTH
+        A = linear(frequency)[0] * (1 + 0.03 * rng.standard_normal(31))
+        assert find_jump_up(np.full(31, 1.5), frequency, A) is None
 
 
 def test_a_coarse_sweep_of_a_linear_mode_does_not_jump():

@@ -55,6 +55,7 @@ def test_without_phase_only_resonance_has_an_energy() -> None:
     # pi F A, two multiplications
     np.testing.assert_allclose(taken.numbers["energy"], np.pi * np.array([2.0, 3.0]), rtol=1e-15)
     assert "2 rows at phase resonance of 3 are used" in taken.notes[1]
+    np.testing.assert_array_equal(take_columns(record.drop(columns="frequency"), ["energy", "A"]).rows, [0, 2])
 
 
 def test_energy_of_the_reports_record() -> None:

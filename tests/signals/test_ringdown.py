@@ -336,6 +336,17 @@ def test_releases_that_are_not_used_are_said(pause: int) -> None:
     assert not any("releases" in note for note in ring_down(t, blows[0], **known).notes)
 
 
+def test_the_start_that_is_lost_is_that_of_the_release_in_use() -> None:
+    """The larger blow falls too fast for its first window, which begins with it; the smaller one is taken."""
+    t, fast = exponential(0.12, 60)
+    slow = 0.4 * exponential(0.05, 60)[1]
+    x = np.concatenate([fast, slow])
+    notes = decay(np.arange(len(x)) * (t[1] - t[0]), x).notes
+    assert any("releases" in note for note in notes)
+    lost = next(note for note in notes if "lost to half the window" in note)
+    assert float(lost.split("at most ")[1].split()[0]) == pytest.approx(0.4, rel=5e-3)  # less the mean of the motion
+
+
 def test_a_level_above_the_one_before_it_is_of_two_modes() -> None:
     """4 % apart, the second with .3 of the amplitude: a level after five seconds is larger than the one before it."""
     t = np.arange(0.0, 25.0, 1e-3)

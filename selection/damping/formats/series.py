@@ -133,7 +133,9 @@ def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: S
         words = {word for name in free for word in re.findall(r"[^\W_]+", name.lower())}
         many |= bool(words & {*NAMES["part"]["angle"], *NAMES["part"]["y"]})  # phases or parts of several sensors
         all_hint = "; damping campaign for all" if many else ""
-        expected = f"--column response=NAME (of a complex one x=NAME, y=NAME){unit_too}{all_hint}"
+        of_time = "time" in of_role and not {"frequency", "omega"} & set(of_role)
+        kinds = "" if of_time else " of complex values (its parts x=NAME, y=NAME), else amplitude=NAME"
+        expected = f"--column response=NAME{kinds}{unit_too}{all_hint}"
         raise InputError(f"which column is the response? {describe_shortened(', '.join(free), 80)}", expected=expected)
     halves = {role: of_role.get(role, "") for role in ("x", "y")}
     guessed = not set(halves) & set(stated.columns) and parse_header(halves["x"]).name.lower() == "x"

@@ -169,14 +169,14 @@ def observe(record: Record) -> Observations:
     order = order[np.isfinite(D[order])]
     observed = observed.take_rows(order)
     if not record.has_phase and "energy" not in record.frame:
-        observed = _read_between(observed, force[order])
+        observed = _read_between(observed, (A / force)[peaks["row"]])
     return observed.take_sweeps(np.lexsort((observed.tested_omega, observed.tested_amplitude, observed.tested_force)))
 
 
-def _read_between(data: Observations, force: FloatArray) -> Observations:
-    """One row for each sweep without phases: its resonance, which in a coarse one lies above its largest reading."""
-    rise = np.log(data.tested_amplitude / data.tested_force)[data.sweep] - np.log(data.A / force)
-    sd = np.hypot(data.sd_amplitude, ERROR_OF_RISE * np.abs(rise))
+def _read_between(data: Observations, largest: FloatArray) -> Observations:
+    """One row for each sweep without phases: its resonance, in a coarse one above the ``largest`` A/F (sweeps,)."""
+    rise = np.log(data.tested_amplitude / data.tested_force / largest)
+    sd = np.hypot(data.sd_amplitude, ERROR_OF_RISE * np.abs(rise)[data.sweep])
     return at_resonance(replace(data, sd_amplitude=sd, read_between=not data.states_uncertainty))
 
 

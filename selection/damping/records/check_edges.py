@@ -1,4 +1,4 @@
-"""Checks that every sweep shows its resonance: it may lie beyond the rows, between coarse rows, or be jumped over."""
+"""Checks that every sweep shows its resonance: it may lie beyond the rows or between coarse rows."""
 
 from math import log
 
@@ -6,9 +6,8 @@ import numpy as np
 
 from damping.records.check_labels import find_mixed_levels
 from damping.records.phase_kinds import SMOOTH
-from damping.records.resonance import find_jump
-from damping.records.runs import FEWEST_ROWS, Run, order_rows
-from damping.records.view import MOST_NAMED, Finding, View, label_sweeps, name_sweeps
+from damping.records.runs import FEWEST_ROWS, Run
+from damping.records.view import Finding, View, label_sweeps, name_sweeps
 
 
 def check_noise(view: View) -> Finding | None:
@@ -69,23 +68,6 @@ def _rises_to_edge(run: Run) -> bool:
     top = int(np.argmax(run.compliance))
     beside = {0: 1, len(run) - 1: len(run) - 2}.get(top)
     return beside is not None and bool(run.compliance[top] - run.compliance[beside] > log(RISEN))
-
-
-def check_jump(view: View) -> Finding | None:
-    """Sweeps of a bistable mode that jump past their resonance, so that no row is at it."""
-    jumps: dict[str, str] = {}
-    table = view.resonances[view.resonances["method"] == "beside"]
-    for sweep, offset in zip(table["sweep"].astype(str), table["phase_offset"].astype(float), strict=True):
-        rows, _ = order_rows(view.right.of(sweep).frame)
-        F, f, A, phase = (rows[name].to_numpy(float) for name in ("force", "frequency", "amplitude", "phase"))
-        if (row := find_jump(F, f, A, phase - offset)) is not None:
-            jumps[sweep] = f"sweep {sweep} between {f[row]:.4g} and {f[row + 1]:.4g} Hz"
-    if not jumps:
-        return None
-    named = ", ".join(list(jumps.values())[:MOST_NAMED])
-    what = f"jumps past the resonance: {named}; the damping is that of the row beside it"
-    advice = "sweep the other way, or hold the phase at 90 degrees, to reach the resonance"
-    return Finding("edge-of-sweep", "caution", what, advice, tuple(jumps))
 
 
 #: A resonance that lies above the largest reading by this factor is reported: bands of careful tests are narrower.

@@ -15,6 +15,7 @@ import pandas as pd
 
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.records.pairs import phase_offset
+from damping.records.peaks import AT_RESONANCE, find_peak, share_in_quadrature
 from damping.records.record import Record
 from damping.records.runs import POWER_TURNS, estimate_power, find_between, order_rows
 
@@ -49,9 +50,10 @@ class Resonance:
     frequency: float  #: Hz
     amplitude: float
     phase_offset: float  #: subtracted from the phases, rad
-    #: ``row`` (the only row of the sweep), ``interpolated`` (phase pi/2 between rows), ``beside`` (damping force at the
-    #: row of largest amplitude, if phases do not reach pi/2 or jump past it), ``between`` (a curve through rows of a
-    #: coarse sweep without phases) or ``peak`` (that row, taken for resonance)
+    #: ``row`` (the only row of the sweep, with its force in quadrature), ``interpolated`` (phase pi/2 between rows),
+    #: ``beside`` (damping force at the row of largest amplitude, if phases do not reach pi/2 or jump past it),
+    #: ``between`` (a curve through rows of a coarse sweep without phases) or ``peak`` (that row, taken for resonance,
+    #: with the damping force that its energy states if that is clearly less)
     method: str
     row: int  #: of the record, at or nearest to resonance
 
@@ -94,7 +96,7 @@ def find_resonance(sweep: str, table: pd.DataFrame, power: float = 1.0) -> Reson
     ``ROWS_FOR_FIT`` rows there, two neighbours are interpolated to Re Z = 0, exact for a linear mode under constant
     force; if the sweep jumps from a row at resonance, 1/Im Z is that of this row. The amplitude is force / Im Z.
     Without phases and energies a coarse sweep is read between its rows (:func:`find_between`). Else, and without a
-    passage (:func:`find_jump`), the row of largest amplitude is taken.
+    passage (:func:`find_jump`), the row of largest amplitude is taken, or of A/F (:func:`find_peak`).
     """
     table, _ = order_rows(table)
     rows = table.index.to_numpy(dtype=np.int64)
@@ -109,11 +111,13 @@ def find_resonance(sweep: str, table: pd.DataFrame, power: float = 1.0) -> Reson
             return Resonance(sweep, *passage, offset, "interpolated", row)
         if (beside := _beside_resonance(force, frequency, amplitude, phase - offset)) is not None:
             return Resonance(sweep, *beside, offset, "beside", int(rows[np.argmax(amplitude)]))
-    peak = int(np.argmax(amplitude))
+    peak = find_peak(force, frequency, amplitude)
     silent = not {"phase", "energy"} & set(table.columns)
     if silent and (between := find_between(force, frequency, amplitude, power)) is not None:
         return Resonance(sweep, *between, offset, "between", int(rows[peak]))
     F, f, A = (float(column[peak]) for column in (force, frequency, amplitude))
+    share = share_in_quadrature(table.iloc[peak])
+    F *= share if len(rows) == 1 or share < AT_RESONANCE else 1.0
     return Resonance(sweep, F, f, A, offset, "row" if len(rows) == 1 else "peak", int(rows[peak]))
 
 

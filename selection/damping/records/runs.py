@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, ComplexArray, FloatArray, IntArray
+from damping.records.peaks import find_noise, find_peak
 from damping.records.record import Record
 
 FEWEST_ROWS = 4  #: fewest rows of a run that can show a resonance
@@ -60,10 +61,8 @@ class Run:
 
     @cached_property
     def noise(self) -> float:
-        """Standard deviation of ln(A/F) from row to row, by the median second difference, which ignores a peak."""
-        if len(self) < 5:
-            return 0.0
-        return float(np.median(np.abs(np.diff(self.compliance, 2))) / (0.6745 * 6.0**0.5))
+        """Standard deviation of ln(A/F) from row to row."""
+        return find_noise(self.compliance)
 
     @cached_property
     def stiffness(self) -> ComplexArray:
@@ -164,11 +163,11 @@ def find_between(
 ) -> tuple[float, float, float] | None:
     """Force, frequency and amplitude of the resonance between the rows (n,) of a sweep, in any order.
 
-    None if the largest amplitude is not between rows, if the sweep is not coarse, or if its rows are no such parabola.
+    None if the peak (`find_peak`) is not between rows, if the sweep is not coarse, or if its rows are no parabola.
     """
     order = np.argsort(frequency, kind="stable")
     F, f, A = force[order], frequency[order], amplitude[order]
-    size, k = F / A, int(np.argmax(A))
+    size, k = F / A, find_peak(F, f, A)
     if k in (0, len(A) - 1) or size[k] > size.min() or max(size[k - 1], size[k + 1]) < COARSE * size[k]:
         return None
     near = size * NEAR <= size[k]

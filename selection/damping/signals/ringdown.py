@@ -133,7 +133,8 @@ def ring_down(
     noise = measure_noise(window, x, z)
     first = 0 if start is not None else find_release(x, z, window, frequency * dt)
     last = first + int(next(iter(np.flatnonzero(np.abs(z[first:]) <= ABOVE_NOISE * noise)), len(z) - first))
-    size, peak = float(np.abs(z[first])), int(np.argmax(np.abs(x)))
+    before = max(first - len(window.offsets), 0)  # the release itself: a higher one may stand elsewhere
+    size, peak = float(np.abs(z[first])), before + int(np.argmax(np.abs(x[before : first + len(window.offsets)])))
     least = max(ABOVE_NOISE * noise, GROWN * size)
     others = "" if start is not None else describe_releases(times, x, z, window, frequency * dt, least)
     try:
