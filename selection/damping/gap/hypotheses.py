@@ -21,7 +21,7 @@ NEAR = 4.0  #: A hypothesis within these log odds of the most probable one is ne
 #: A fit leaves no more than noise where the spread of its m residuals is below 1 + ``FITTING``/sqrt(m), two standard
 #: errors above 1.
 FITTING = 1.6
-MOST_DOUBTING = 4  #: Combinations tried with a hypothesis that is doubted, or first with those that leave only noise.
+_MOST_FIRST = 4  #: Combinations with bases that leave only noise that are tried before others.
 _MOST_OF_A_BASE = 4  #: Combinations with one base that are tried before those with others.
 #: Strength, as a share of its natural size, for the derivative by an effect; ln of a strength that is practically zero.
 _SMALL = 1e-3
@@ -101,7 +101,7 @@ def order_ways(ways: Mapping[frozenset[str], list[Way]]) -> list[frozenset[str]]
         base = ways[key][0].base.key
         of_base[base] += 1
         late |= {key} if of_base[base] > _MOST_OF_A_BASE else set()
-    first = [key for key in ordered if any(leaves_noise(way.base) for way in ways[key])][:MOST_DOUBTING]
+    first = [key for key in ordered if any(leaves_noise(way.base) for way in ways[key])][:_MOST_FIRST]
     return sorted(ordered, key=lambda key: (key not in first, key in late))
 
 

@@ -11,11 +11,9 @@ import numpy as np
 from damping.effects.contract import Effect
 from damping.effects.rig import AMPLITUDE_SCALE
 from damping.errors import AnalysisError
-from damping.gap.directed import ALARM, directed_tests, smallest_p
 from damping.gap.fit import fit_model
 from damping.gap.fitting import Fits
 from damping.gap.hypotheses import (
-    MOST_DOUBTING,
     NEAR,
     SURE,
     Hypothesis,
@@ -79,9 +77,6 @@ class Search(Fits):
             self._combine(size)
             if len(self.hypotheses) == before or len(self.ranked()[0].effects) <= size:
                 break
-        leading = self.ranked()[0]
-        if len(leading.effects) == 1 < self._most_effects() and smallest_p(directed_tests(leading.best)) < ALARM:
-            self._combine(1, leading)
         self._shorten()
 
     def _combine_parameters(self) -> None:
@@ -135,15 +130,11 @@ class Search(Fits):
         rows = self.problem.rows
         return min(MOST_EFFECTS, rows.level_count - 1 if rows.at_resonance else len(rows) // ROWS_PER_EFFECT)
 
-    def _combine(self, size: int, doubted: Hypothesis | None = None) -> None:
-        """Add one effect to hypotheses of ``size`` effects, those of the largest expected log posterior first.
-
-        Beside a ``doubted`` explanation, which nearly fits, a few are tried although linear gains say they cannot reach
-        it: it may imitate two effects together.
-        """
-        ways = self._list_ways(size, doubted)
+    def _combine(self, size: int) -> None:
+        """Add one effect to hypotheses of ``size`` effects, those of the largest expected log posterior first."""
+        ways = self._list_ways(size)
         ordered = order_ways(ways)
-        for key in ordered[: MOST_DOUBTING if doubted else _MOST_FITS]:
+        for key in ordered[:_MOST_FITS]:
             for way in ways[key]:
                 worth = way.hope > self.ranked()[0].log_posterior - NEAR or not leaves_noise(way.base)
                 if worth and key not in self.hypotheses:  # the next way if a fit lost the motion
@@ -205,17 +196,17 @@ class Search(Fits):
             if gain > _PROMISES * (leading.log_posterior - base.log_posterior):
                 self.improve(base, name, starts)
 
-    def _list_ways(self, size: int, doubted: Hypothesis | None) -> dict[frozenset[str], list[Way]]:
+    def _list_ways(self, size: int) -> dict[frozenset[str], list[Way]]:
         """The ways to each combination that is worth a fit, those of the largest expected log posterior first."""
-        best = -np.inf if doubted else self.ranked()[0].log_posterior - NEAR
-        price, passed = np.log(self.choices + 1.0), doubted.key if doubted else frozenset()
+        best = self.ranked()[0].log_posterior - NEAR
+        price = np.log(self.choices + 1.0)
         ways: dict[frozenset[str], list[Way]] = {}
         quiet = {key: old.log_posterior for key, old in self.hypotheses.items() if key and leaves_noise(old)}
         for base in [hypothesis for hypothesis in self.ranked() if len(hypothesis.effects) == size][:_MOST_EXTENDED]:
             least = _GAIN_BEYOND_NOISE if leaves_noise(base) else _GAIN
             for name in self.forms:
                 key = base.key | {name}
-                if name in base.effects or key in self.hypotheses or key & (self.effects[name].denies | passed):
+                if name in base.effects or key in self.hypotheses or key & self.effects[name].denies:
                     continue
                 if any(part <= key and p > base.log_posterior for part, p in quiet.items()):
                     continue  # the linear gain beside that part is the one to trust
