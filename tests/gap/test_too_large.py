@@ -110,6 +110,6 @@ def test_a_mass_that_is_off_is_named_beside_the_frequency_taken_from_it(lab, see
         among("level-offset"), explain, Record(pd.concat(tables, ignore_index=True), "two masses"), lab.mode()
     )
     (said,) = (caution for caution in found.cautions if "but is not in the library" in caution)
-    assert "a generalized mass that differs" in said
-    assert "beside natural-frequency" in said
-    assert ("viscous-coefficient" in said) == (damped != 1.0)
+    cause, beside = said.partition(" explains ")[0].split(" beside ")
+    assert "a generalized mass that differs" in cause
+    assert set(beside.split(" and ")) == {"natural-frequency"} | ({"viscous-coefficient"} if damped != 1.0 else set())

@@ -36,9 +36,6 @@ _STARTS = 4  #: Starts of each form that are fitted.
 #: Forms of one effect that are fitted, alone and beside others: those of the largest linear gain, none far behind.
 _MOST_FORMS = 8
 _MOST_FORMS_BESIDE = 3
-#: First fits are given up where they stay behind the best fit of all; those of one effect, to which others may yet be
-#: added, only where they stay behind this many times its ln p. At 2, true pairs were lost in 2 of 160 searches.
-_ALONE = 4.0
 _MOST_BASES = 2  #: Modes of a hypothesis to which a further effect is added.
 _ROUGH = 1.5  #: From this misfit of the base, in units of noise, starts of other sizes are fitted too.
 _APART = 3.0  #: Deviation of a sweep, in units of repeatability, beyond which it hides something.
@@ -130,8 +127,13 @@ class Fits:
         """All hypotheses, most probable first."""
         return sorted(self.hypotheses.values(), key=lambda hypothesis: -hypothesis.log_posterior)
 
-    def extend(self, base: Hypothesis, name: str, candidates: list[list[Start]] | None = None) -> None:
-        """Fit a hypothesis with one more effect, from the best starts of each of its forms."""
+    def extend(
+        self, base: Hypothesis, name: str, candidates: list[list[Start]] | None = None, rival: float = -np.inf
+    ) -> None:
+        """Fit a hypothesis with one more effect, from the best starts of each of its forms.
+
+        It is given up where first fits stay far behind a ln posterior ``rival`` of another.
+        """
         self.extended.setdefault(name, []).append(base)
         candidates = candidates or list_starts(base.plain, self.forms[name], self.units)
         rough = float(np.sqrt(np.mean(base.plain.measured**2)))
@@ -140,7 +142,7 @@ class Fits:
         promising = choose_forms(candidates, _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS, rough > _ROUGH)
         fits: list[ModelFit] = []
         for tried, fit in product(promising, base.near[:_MOST_BASES]):
-            fits += self._fits(fit, tried, rough, base, max((mode.log_posterior for mode in fits), default=-np.inf))
+            fits += self._fits(fit, tried, rough, base, max([rival, *(mode.log_posterior for mode in fits)]))
         if fits:
             top = max(fit.log_evidence for fit in fits)
             worth = [fit for fit in fits if fit.log_evidence > top - _CLOSE_MODES]
@@ -176,9 +178,8 @@ class Fits:
             twins = [(*parts[:i], replace(parts[i], form=twin), *parts[i + 1 :]) for i, twin in forms]
             models += [replace(models[0], parts=twin) for twin in twins]
         z = np.zeros((len(x), 2 * fit.model.sweeps))
-        best = max(hypothesis.plain.log_posterior for hypothesis in self.hypotheses.values())
-        rival = max(rival, best if base.effects else _ALONE * best)
         if base.effects:  # the fitted deviations of the sweeps may hold beside one more effect, or hide its gap
+            rival = max(rival, fit.log_posterior)
             x, z = np.concatenate([x, x]), np.concatenate([z, z + fit.y[fit.model.size :]])
         return list(chain.from_iterable(fit_roughly(model, x, z, rival=rival) for model in models))
 

@@ -136,9 +136,10 @@ class Search(Fits):
         ordered = order_ways(ways)
         for key in ordered[:_MOST_FITS]:
             for way in ways[key]:
-                worth = way.hope > self.ranked()[0].log_posterior - NEAR or not leaves_noise(way.base)
+                leading = self.ranked()[0]
+                worth = way.hope > leading.log_posterior - NEAR or not leaves_noise(way.base)
                 if worth and key not in self.hypotheses:  # the next way if a fit lost the motion
-                    self.extend(way.base, way.name, way.starts)
+                    self.extend(way.base, way.name, way.starts, leading.plain.log_posterior)
         leading = self.ranked()[0]
         shorter = self.hypotheses.get(leading.key - {*leading.effects[-1:]}, leading)
         for key in ordered:  # add the last effect of the leading explanation to bases about as good
