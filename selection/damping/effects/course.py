@@ -31,8 +31,7 @@ _MOST_MASS = 1.5  #: Largest |ln| of actual over stated mass of a state: a facto
 #: Drifts over their natural size from which fits start: linear gains do not see a resonance moved by a bandwidth.
 _DRIFTS = (0.5, 1.0, 2.0, 4.0, 8.0)
 _MOST_JUMPS = 8  #: Most sweeps for which each may have its own frequency.
-#: With more sweeps only errors of the reading are tried, not of the force, which differ in second order only.
-_MANY_SWEEPS = 6
+_MANY_SWEEPS = 6  #: With more, only errors of the reading are tried: those of the force differ in second order only.
 #: Prior of ``law``, ``ringing``, ``begun`` and ``held`` of `Terms`: each about 0 to 1.
 BETWEEN = FormVariable(0.5, 0.5, starts=(-1.0, 1.0), linear=True)
 #: Rates over the squared bandwidth from which fits start; largest one, beyond which the resonance is hardly visible.
