@@ -532,3 +532,12 @@ def test_the_order_of_rows_moves_nothing(example):
     # bit by bit the same, and so is what is drawn: sweeps in any order too
     for rows in (mixed.table, measured.table.sample(frac=1.0, random_state=2)):
         assert observe(Record(rows)).content == observe(measured).content
+
+
+def test_a_held_response_does_not_jump_up():
+    """Forces fall at resonance; noise of 1 % makes the largest amplitude beside it."""
+    frequency = OMEGA_N / (2 * pi) * (1.0 + 0.03 * np.arange(-4, 5))
+    amplitude = LINEAR_PEAK * (1.0 + 0.01 * np.array([0.0, -1.0, 1.0, 2.0, 0.0, -1.0, 1.0, 0.0, -1.0]))
+    w = 2 * pi * frequency
+    force = np.abs(M * (OMEGA_N**2 - w**2) + 1j * C * w) * amplitude
+    assert find_jump_up(force, frequency, amplitude) is None

@@ -14,7 +14,8 @@ from damping.records.resonance import find_jump
 from damping.records.runs import order_rows
 from damping.records.view import MOST_NAMED, Finding, View
 
-#: A sweep without phases jumps up to its largest reading if A/F rises to it from one row to the next by this factor,
+#: A sweep without phases jumps up to its largest reading if A and A/F (a held response has falling forces instead) rise
+#: to it from one row to the next by this factor,
 RISE = 1.3
 #: and, in ln, by this many times what it falls within twice that step of frequency on the other side, and by this many
 #: standard deviations of the noise. The largest row of a linear mode lies within half a step of its resonance, so that
@@ -61,7 +62,7 @@ def check_jump_up(view: View) -> Finding | None:
 
 
 def find_jump_up(force: FloatArray, frequency: FloatArray, amplitude: FloatArray) -> int | None:
-    """The row (n rows in the order of the sweep, in one direction) from which A/F jumps up to the largest amplitude.
+    """The row (n rows in the order of the sweep, in one direction) from which A jumps up to the largest amplitude.
 
     None without a jump (``RISE``, ``ONE_SIDED``), or if no row lies twice its step beyond that amplitude.
     """
@@ -70,8 +71,9 @@ def find_jump_up(force: FloatArray, frequency: FloatArray, amplitude: FloatArray
     beyond = np.flatnonzero(step[top + 1 :] >= (2.0 - 1e-6) * step[top - 1]) if top else np.empty(0, np.int64)
     if not len(beyond):
         return None
+    rise = min(g[top] - g[top - 1], log(amplitude[top] / amplitude[top - 1]))
     fall = float(g[top] - g[top + 1 + beyond[0]])
-    return top - 1 if g[top] - g[top - 1] > max(log(RISE), ONE_SIDED * max(fall, find_noise(g))) else None
+    return top - 1 if rise > max(log(RISE), ONE_SIDED * max(fall, find_noise(g))) else None
 
 
 def _name_jump(sweep: str, frequency: FloatArray, row: int) -> str:
