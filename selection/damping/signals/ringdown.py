@@ -117,9 +117,7 @@ def ring_down(
     if not (periods >= 4.0 and levels >= 1):
         raise InputError("the window or the levels are too few", expected="at least 4 periods and 1 level")
     t, x = _select(np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64), start, end)
-    if (limit := find_limit(x)) is not None:
-        why = f"the readings repeatedly stay at {limit:.4g}: they are clipped, so their amplitude and decay are lost"
-        raise AnalysisError(f"{why}; choose a part without (--start), or another range")
+    _refuse_clipping(x)
     t, x, dt, jitter = space_evenly(t, x, frequency)
     t, x = average_groups(t, x, dt, frequency)
     dt = float(t[1] - t[0])
@@ -155,6 +153,13 @@ def ring_down(
     lost += describe_flat(window, x[first : last + len(window.offsets) - 1], z[first:last], order, shift)
     lost += describe_beat(kept[kept["A"] >= again / GROWN])
     return _balance_energy(kept, mass, noise, [*jitter, *lost, *notes])
+
+
+def _refuse_clipping(x: FloatArray) -> None:
+    """AnalysisError for readings that repeatedly stay at a limit."""
+    if (limit := find_limit(x)) is not None:
+        why = f"the readings repeatedly stay at {limit:.4g}: they are clipped, so their amplitude and decay are lost"
+        raise AnalysisError(f"{why}; choose a part without (--start), or another range")
 
 
 def _refuse_growth(t: FloatArray, size: FloatArray) -> None:
