@@ -10,6 +10,7 @@ rate was not recorded, it is fitted by the envelope integrated with the damping 
 skew of the peaks. Hok (1948), Lewis (1932): peaks move unless (df/dt)/(2 zeta f)^2 is small.
 """
 
+from cmath import exp
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import log
@@ -80,15 +81,14 @@ def envelope(
     amplitude = 0j
     for _ in range(50):  # the steady amplitude, by fixed-point iteration far from resonance
         amplitude = force / mass / (w_n**2 - w[0] ** 2 + 2j * ratio * (1.0 + growth * abs(amplitude)) * w_n * w[0])
-    a[0] = amplitude
-    middle = 0.5 * (w[1:] + w[:-1])
-    for k, now in enumerate(middle):
+    a[0] = amplitude = complex(amplitude)  # plain numbers: arithmetic of numpy scalars takes several times as long
+    for k, now in enumerate((0.5 * (w[1:] + w[:-1])).tolist(), 1):
         z = ratio * (1.0 + growth * abs(amplitude))
         lead = 2j * now + 2.0 * z * w_n
         decay = -(w_n**2 - now**2 + 2j * z * w_n * now + 1j * per_second * now) / lead
         rest = -(force / mass) / lead / decay
-        amplitude = rest + (amplitude - rest) * np.exp(decay * dt)
-        a[k + 1] = amplitude
+        amplitude = rest + (amplitude - rest) * exp(decay * dt)
+        a[k] = amplitude
     order = np.argsort(x)
     return np.asarray(np.interp(np.log(frequency / start), x[order], a[order]))
 
@@ -145,8 +145,9 @@ def estimate_rate(record: Record, mass: float, frequency: float, *, upwards: boo
     largest = max(float(np.abs(rows.a).max()) for rows in sweeps)
 
     def swept(x: FloatArray, rows: _Sweep) -> ComplexArray:
-        f_n, ratio = frequency * (1.0 + x[0]), float(np.exp(x[1]))
-        return envelope(rows.f, x[3], rows.force, mass, f_n, ratio, x[2] / largest)[rows.near]
+        shift, ratio, growth, rate = x.tolist()
+        f_n = frequency * (1.0 + shift)
+        return envelope(rows.f, rate, rows.force, mass, f_n, float(np.exp(ratio)), growth / largest)[rows.near]
 
     def steady(x: FloatArray, rows: _Sweep) -> ComplexArray:
         """(omega_n^2 (1 + s |a|) - omega^2 + 2 i z (1 + b |a|) omega_n omega) a = F/m."""
