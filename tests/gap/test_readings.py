@@ -188,7 +188,7 @@ def test_errors_that_go_together_are_no_white_scatter_and_are_named(lab):
 def test_what_shows_a_rest_is_named(lab, honest):
     fit = limited({}, diagnose, honest, lab.mode()).leading.best
     tests = [Test("drift", 1.0, 3, 0.5), Test("second path", 60.0, 14, 5e-4)]
-    assert describe_rest(fit, tests) == "second path in free form improves the fit (p = 0.001)"
+    assert describe_rest(fit, tests) == "a second path of the force, free over frequency, improves the fit (p = 0.001)"
     assert describe_rest(fit, tests[:1]) == ""
 
 

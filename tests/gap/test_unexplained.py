@@ -18,6 +18,7 @@ from damping.effects.rig import recorded_third
 from damping.gap.ambiguities import describe_rig, describe_shortfall, describe_slope, describe_spring
 from damping.gap.corrected import effect_intervals, effect_values
 from damping.gap.diagnose import diagnose, explain
+from damping.gap.directed import Test
 from damping.gap.outside import Rival, describe_outside
 from damping.gap.problem import setting
 from damping.gap.rows import UNSEEN, read_rows
@@ -317,6 +318,10 @@ def test_a_headline_is_no_finding_where_the_cause_is_hardly_known_or_the_gap_sta
     found = lab.diagnosed("stiffness-hardening")
     (sure,) = describe_diagnosis(found)["verdict"]
     (doubted,) = describe_diagnosis(replace(found, in_library=0.49))["verdict"]
+    quiet = replace(found.gap, after=1.0)
+    rough = replace(found, in_library=0.49, unexplained=True, gap=quiet, tests=(Test("drift", 60.0, 4, 1e-9),))
+    (left,) = describe_diagnosis(rough)["verdict"]
+    assert "It leaves 1.00 sigma, not noise alone: drift in free form improves the fit (p < 0.001)." in left
     gap = replace(found.gap, before=8.78, after=9.29, shrinkage=-0.12)
     (useless,) = describe_diagnosis(replace(found, gap=gap))["verdict"]
     assert "sigma: " in sure

@@ -31,6 +31,9 @@ _ON_STEP = 1e-3
 _FOUND = {
     "neighbours alike": "residuals of neighbouring rows are correlated",
     "local disturbance": "residuals are larger in one band of frequency",
+    "second path": "a second path of the force, free over frequency, improves the fit",
+    "instrument with amplitude": "a gain and a phase free to change with amplitude improve the fit",
+    "instrument with frequency": "a gain and a phase free to change with frequency improve the fit",
 }
 
 
