@@ -231,7 +231,7 @@ def by_sweep(values: FloatArray, data: Observations) -> FloatArray:
         return values[:, data.row_of_sweep]
     if len(data.sweeps) <= _FEW:
         # with the rows of a point together, so that the order of summation does not depend on that of the memory
-        return np.asarray(np.ascontiguousarray(values) @ np.eye(len(data.sweeps))[data.sweep])
+        return np.asarray(np.ascontiguousarray(values) @ data.membership)
     order = np.argsort(data.sweep, kind="stable")
     first = np.searchsorted(data.sweep[order], np.arange(len(data.sweeps)))
     return np.asarray(np.add.reduceat(values[:, order], first, axis=1))

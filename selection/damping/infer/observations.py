@@ -74,6 +74,11 @@ class Observations(SweepRows):
         return slice(None) if np.array_equal(order, np.arange(len(order))) else order
 
     @cached_property
+    def membership(self) -> FloatArray:
+        """1 where a row is of a sweep, else 0, (rows, sweeps)."""
+        return np.eye(len(self.sweeps))[self.sweep]
+
+    @cached_property
     def states_uncertainty(self) -> bool:
         """Whether the record gives a standard uncertainty for any row."""
         return any(bool(sd.any()) for sd in (self.sd_amplitude, self.sd_force, self.sd_phase))
