@@ -1,4 +1,4 @@
-"""Fitted hypotheses, the ways to further ones, and the order in which those are tried.
+"""Fitted hypotheses, additions of effects to them, and the order in which combinations are tried.
 
 The derivative of the residuals by a further effect, at an existing fit, gives its start values and its linear gain.
 """
@@ -50,6 +50,9 @@ class Start:
     gain: float
 
 
+Starts = list[list[Start]]  #: of an effect, those of each form apart
+
+
 @dataclass(frozen=True)
 class Hypothesis:
     """Effects with their best fit."""
@@ -79,40 +82,41 @@ def leaves_noise(hypothesis: Hypothesis) -> bool:
     return not hypothesis.plain.has_outlier_pattern and spread(r) < 1.0 + FITTING / np.sqrt(r.size)
 
 
-class Way(NamedTuple):
-    """A way to a combination: effect ``name`` added to a ``base`` from ``starts``; ``hope``: expected log posterior."""
+class Addition(NamedTuple):
+    """An effect ``name`` that is to be added to a ``base`` from ``starts``; ``expected``: log posterior of the two."""
 
-    hope: float
+    expected: float
     base: Hypothesis
     name: str
-    starts: list[list[Start]]
+    starts: Starts
 
 
-def order_ways(ways: Mapping[frozenset[str], list[Way]]) -> list[frozenset[str]]:
-    """Combinations in the order in which they are tried, by the first way of each.
+def order_combinations(additions: Mapping[frozenset[str], Sequence[Addition]]) -> list[frozenset[str]]:
+    """Combinations in the order in which they are tried, by the first addition that leads to each.
 
     Linear gains are largest where the fit is worst. So a few combinations with each base come first, and before them a
     few with a base that leaves only noise.
     """
-    ordered = sorted(ways, key=lambda key: -ways[key][0].hope)
+    ordered = sorted(additions, key=lambda key: -additions[key][0].expected)
     of_base = Counter[frozenset[str]]()
     late = set[frozenset[str]]()
     for key in ordered:
-        base = ways[key][0].base.key
+        base = additions[key][0].base.key
         of_base[base] += 1
-        late |= {key} if of_base[base] > _MOST_OF_A_BASE else set()
-    first = [key for key in ordered if any(leaves_noise(way.base) for way in ways[key])][:_MOST_FIRST]
+        if of_base[base] > _MOST_OF_A_BASE:
+            late.add(key)
+    first = [key for key in ordered if any(leaves_noise(addition.base) for addition in additions[key])][:_MOST_FIRST]
     return sorted(ordered, key=lambda key: (key not in first, key in late))
 
 
-def list_starts(base: ModelFit, forms: Sequence[Form], units: Mapping[Form, float]) -> list[list[Start]]:
+def list_starts(base: ModelFit, forms: Sequence[Form], units: Mapping[Form, float]) -> Starts:
     """Starts of one more effect beside those of a fit, for each of its ``forms``.
 
     ``units``: strength of each form that opens a gap of one unit of noise, d.d unit^2 = number of residuals; computed
     here where missing. The derivatives d of two forms that mirror each other have opposite signs.
     """
     directions: dict[str, tuple[FloatArray, FloatArray]] = {}
-    tried = []
+    tried: Starts = []
     for form in forms:
         if form.whole:
             tried.append(_list_whole_starts(base, form))
@@ -171,7 +175,7 @@ def at_gap(start: Start, gap: float) -> FloatArray:
     return np.array([np.log(np.clip(gap, _LOW, _FARTHEST) / TYPICAL_GAP) / SPREAD, *start.x[1:]])
 
 
-def choose_forms(candidates: list[list[Start]], most: int, rough: bool) -> list[list[Start]]:
+def choose_forms(candidates: Starts, most: int, rough: bool) -> Starts:
     """Forms worth a fit: ``most`` by linear gain and, where the gap is large, those with no useful linear gain."""
     ranked = sorted(candidates, key=lambda tried: -tried[0].gain)
     least = ranked[0][0].gain * _FAR - SURE
