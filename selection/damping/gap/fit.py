@@ -110,7 +110,7 @@ def fit_roughly(
 ) -> list[ModelFit]:
     """`fit_model` with predictions at measured amplitudes; empty if all stay far behind a ln posterior ``rival``."""
     deviations = np.zeros((len(x), 2 * model.sweeps)) if z is None else z
-    weights = _regular(model) if weights is None else weights
+    weights = _weigh_peaks(model) if weights is None else weights
     y, r, J = _climb(model, np.concatenate([x, deviations], axis=1), weights, -rival)
     return _list_distinct([_fit(model, y[k], r[k], J[k], weights) for k in range(len(y))])
 
@@ -120,7 +120,7 @@ def polish_fits(rough: list[ModelFit], weights: FloatArray | None = None) -> lis
     fits = []
     for fit in rough:
         model = fit.model.at_motion(fit.y)
-        fixed = _regular(model) if weights is None else weights
+        fixed = _weigh_peaks(model) if weights is None else weights
         y, r, J = _climb(model, fit.y[np.newaxis].copy(), fixed, share=_FINELY)
         fits.append(_fit(model, y[0], r[0], J[0], fixed))
     return _list_distinct(fits)
@@ -135,7 +135,7 @@ def drop_effect(fit: ModelFit, name: str) -> tuple[Model, FloatArray, FloatArray
     return replace(model, parts=parts, at=None), x, y[:, model.size :]
 
 
-def _regular(model: Model) -> FloatArray | None:
+def _weigh_peaks(model: Model) -> FloatArray | None:
     """Weights of 1 for peaks alone, since any simulation fits the three that two outliers would leave; else None."""
     rows = model.problem.rows
     return np.ones(rows.measured.size) if rows.of_peaks else None

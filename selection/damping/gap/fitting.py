@@ -28,10 +28,9 @@ _CLOSE = 3.0  #: Another form of an effect whose ln evidence is within this is k
 #: scatter by per cents, the evidence estimated from a fit at the smallest scatter is too low by up to about 120.
 _WORTH = 200.0
 _LOST = 100.0  #: A fit farther behind the best in ln evidence is not polished at its own motion.
-#: Number of hypotheses fitted to another problem too: the most probable of all, and of those with one effect.
-_AGAIN = 8
-_AGAIN_SIMPLE = 3
-_LOST_AGAIN = 30.0  #: A hypothesis farther behind the best in ln p is not among the most probable of all.
+_MOST_REFITTED = 8  #: Most probable hypotheses that are fitted to another problem too.
+_MOST_SIMPLE = 3  #: Most probable hypotheses with one effect that are fitted to it as well.
+_LOST_REFITTED = 30.0  #: A hypothesis farther behind the best in ln p is not among the most probable of all.
 _STARTS = 4  #: Starts of each form that are fitted.
 #: Forms of one effect that are fitted, alone and beside others: those of the largest linear gain, none far behind.
 _MOST_FORMS = 8
@@ -83,20 +82,20 @@ class Fits:
         self._restore(before)
         return self.hypotheses[again.key]
 
-    def again(self, problem: Problem, unknown: Unknowns, kept: BoolArray | None = None, larger: float = 1.0) -> Self:
+    def refit(self, problem: Problem, unknown: Unknowns, kept: BoolArray | None = None, larger: float = 1.0) -> Self:
         """The best hypotheses fitted to another problem, from their modes here; no other hypothesis is tried.
 
         Strengths keep their units, so priors do not change. ``kept``: rows of this problem that the other one has.
         ``larger``: factor on the variance of its noise, by which odds are smaller.
         """
-        other = type(self)(problem, self.effects, unknown, units=self.units, done=self.done)
-        ranked = self.ranked()
-        least = ranked[0].log_posterior - larger * _LOST_AGAIN
-        probable = [hypothesis for hypothesis in ranked[:_AGAIN] if hypothesis.log_posterior > least]
-        simple = [hypothesis for hypothesis in ranked if len(hypothesis.effects) == 1][:_AGAIN_SIMPLE]
-        worth = {hypothesis.key: hypothesis for hypothesis in (self.hypotheses[frozenset()], *simple, *probable)}
-        for hypothesis in sorted(worth.values(), key=lambda hypothesis: -hypothesis.log_posterior):
-            other.adopt(hypothesis, kept)
+        other, ranked = type(self)(problem, self.effects, unknown, units=self.units, done=self.done), self.ranked()
+        least = ranked[0].log_posterior - larger * _LOST_REFITTED
+        probable = [hypothesis for hypothesis in ranked[:_MOST_REFITTED] if hypothesis.log_posterior > least]
+        simple = [hypothesis for hypothesis in ranked if len(hypothesis.effects) == 1][:_MOST_SIMPLE]
+        keys = {frozenset(), *(hypothesis.key for hypothesis in (*simple, *probable))}
+        for hypothesis in ranked:
+            if hypothesis.key in keys:
+                other.adopt(hypothesis, kept)
         return other
 
     def adopt(self, hypothesis: Hypothesis, kept: BoolArray | None = None) -> None:

@@ -126,13 +126,14 @@ def list_starts(base: ModelFit, forms: Sequence[Form], units: Mapping[Form, floa
             r, d = directions[form.mirror]
             d = -d
         else:
-            r, d = _direction(base, form, shapes)
-            directions |= {form.mirror: (r, d)} if form.mirror else {}
-        tried.append(_starts(base, form, shapes, r, d, units.get(form)))
+            r, d = _differentiate(base, form, shapes)
+            if form.mirror:
+                directions[form.mirror] = r, d
+        tried.append(_list_form_starts(base, form, shapes, r, d, units.get(form)))
     return tried
 
 
-def _starts(
+def _list_form_starts(
     base: ModelFit, form: Form, shapes: FloatArray, r: FloatArray, d: FloatArray, unit: float | None
 ) -> list[Start]:
     """Starts of a form, one for every start of its shapes, the best first.
@@ -140,7 +141,7 @@ def _starts(
     The derivative d of the residuals r by the strength is projected free of the fitted variables, by their posterior.
     The strength is then -d.r/d.d and the gain (d.r)^2/(2 d.d).
     """
-    squared, pull = _projected(base, form, r, d)
+    squared, pull = _project(base, form, r, d)
     strength = -pull / squared
     gain = np.where(strength > 0.0, 0.5 * pull**2 / squared, 0.0)
     if unit is None:
@@ -159,7 +160,7 @@ def _list_whole_starts(base: ModelFit, form: Form) -> list[Start]:
     part, k = Part(form, form.natural / TYPICAL_GAP), base.model.size
     model, y = replace(base.model, parts=(*base.model.parts, part)), np.repeat(base.y[np.newaxis], len(_SIZES), axis=0)
     d = model.residuals(np.hstack([y[:, :k], _SIZES, y[:, k:]]), len(y)).r - base.r
-    squared, pull = _projected(base, form, base.r[np.newaxis], d)
+    squared, pull = _project(base, form, base.r[np.newaxis], d)
     gain = np.where(pull < 0.0, 0.5 * pull**2 / squared, 0.0)
     starts = [Start(part, size, float(of_size)) for size, of_size in zip(_SIZES, gain, strict=True)]
     return sorted(starts, key=lambda start: -start.gain)
@@ -184,7 +185,7 @@ def choose_forms(candidates: Starts, most: int, rough: bool) -> Starts:
     return [tried for tried in near + beyond_lines if rough or tried[0].gain > _SLIGHT]
 
 
-def _direction(base: ModelFit, form: Form, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _differentiate(base: ModelFit, form: Form, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Residuals with the form at strength zero, and their derivative by the strength, (1 or starts, m) each."""
     k = base.model.size
     model = replace(base.model, parts=(*base.model.parts, Part(form, form.natural / TYPICAL_GAP)))
@@ -198,7 +199,7 @@ def _direction(base: ModelFit, form: Form, shapes: FloatArray) -> tuple[FloatArr
     return zero, (residuals(float(np.log(_SMALL))) - zero) / (_SMALL * form.natural)
 
 
-def _projected(base: ModelFit, form: Form, r: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _project(base: ModelFit, form: Form, r: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
     """d.d and d.r with the robust weights, projected free of the fitted variables except one that the form replaces."""
     inverse = base.covariance
     if form.replaces:  # that variable held at zero

@@ -44,7 +44,11 @@ _HOPELESS = 0.01  #: An effect is worth a fit if its linear gain exceeds this sh
 
 
 class Search(Fits):
-    """Search over hypotheses, by expected log posterior; fitted hypotheses are kept for every later step."""
+    """Search over hypotheses, by expected log posterior; fitted hypotheses are kept for every later step.
+
+    A base is a hypothesis to which an effect is added; the linear gain of that effect is the gain in ln p by the
+    derivative of the residuals at the base. The leading hypothesis is the most probable one so far.
+    """
 
     def run(self) -> Search:
         """Fit the simulation alone, every effect, and combinations."""
@@ -204,11 +208,9 @@ class Search(Fits):
         leading = self.leading
         if len(leading.effects) < 2:
             return
+        bases = [self.hypotheses.get(leading.key - {replaced}) for replaced in leading.effects]
         laws = [name for name, forms in self.forms.items() if any(form.whole for form in forms)]
-        for replaced, law in product(leading.effects, [law for law in laws if law not in leading.key]):
-            base = self.hypotheses.get(leading.key - {replaced})
-            if base is None:
-                continue
+        for base, law in product(filter(None, bases), [law for law in laws if law not in leading.key]):
             starts = self.list_starts(base, law)
             gain = max(start.gain for start in chain.from_iterable(starts) if start.part.form.whole)
             if gain > _PROMISES * (leading.log_posterior - base.log_posterior):
@@ -239,7 +241,7 @@ def search_hypotheses(
         if excess < 1.0 + DISPERSED * 0.8 / np.sqrt(len(r)):
             break
         setting = replace(setting, dispersion=setting.dispersion * excess)
-        search = search.again(setting.problem, setting.unknowns, larger=excess**2)
+        search = search.refit(setting.problem, setting.unknowns, larger=excess**2)
     return setting, search
 
 

@@ -208,7 +208,7 @@ def _fold(setting: Setting, search: Search, level: int, regular: BoolArray, adva
     out = problem.rows.levels[problem.rows.sweep] == level
     train = replace(problem, rows=problem.rows.where(~out))
     test = replace(problem, rows=problem.rows.where(out))
-    chosen = search.again(train, setting.unknowns, ~out).leading.best
+    chosen = search.refit(train, setting.unknowns, ~out).leading.best
     counted = regular[np.tile(out, regular.size // out.size)]
     after, before = _predicted(chosen, test), _predicted(refitted(chosen), test)
     nominal = nominal_residuals(replace(chosen, model=replace(chosen.model, problem=test)))

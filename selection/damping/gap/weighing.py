@@ -111,7 +111,7 @@ def count_beyond(hypotheses: Sequence[Explanation], *further: PhasorRows) -> int
         third = max([_miss_thirds(fit, every, predicts=False), *others]) - misfit >= INDISTINCT**2
     states = any(np.ptp(np.hstack([getattr(rows, name) for rows in every])) > 0.0 for name in ("added", "state"))
     stiff = any(CATALOGUE[name].force is not None and not CATALOGUE[name].damping for name in fit.effects)
-    return third + (states and (third or not stiff))
+    return sum((third, states and (third or not stiff)))
 
 
 def _miss_thirds(fit: ModelFit, every: Sequence[PhasorRows], *, predicts: bool = True) -> float:
@@ -250,19 +250,18 @@ def group_equivalent_effects(hypotheses: Sequence[Hypothesis], library: Mapping[
     ``hypotheses`` are in order of probability. Two effects together may replace one: a second plane read with a wrong
     gain is a second mode.
     """
-    leading = hypotheses[0]
-    groups = []
+    leading, groups = hypotheses[0], []
+    least = leading.log_posterior + float(np.log(LEAST_ODDS))
+    possible = [other for other in hypotheses[1:] if other.log_posterior > least]
     for effect in leading.effects:
         rest = leading.key - {effect}
         ways, farthest = list[tuple[str, ...]]([(effect,)]), 0.0
-        for other in hypotheses[1:]:
-            swapped = other.key - rest
-            possible = other.log_posterior > leading.log_posterior + float(np.log(LEAST_ODDS))
-            if possible and rest <= other.key and effect not in swapped and 0 < len(swapped) <= _MOST_SWAPPED:
-                difference = distance(leading.best, other.best)
-                if difference < INDISTINCT and not any(swapped >= set(way) for way in ways):
-                    ways.append(tuple(name for name in other.effects if name in swapped))
-                    farthest = max(farthest, difference)
+        for other in (other for other in possible if rest <= other.key and effect not in other.key):
+            swapped, difference = other.key - rest, distance(leading.best, other.best)
+            is_equivalent = 0 < len(swapped) <= _MOST_SWAPPED and difference < INDISTINCT
+            if is_equivalent and not any(swapped >= set(way) for way in ways):
+                ways.append(tuple(name for name in other.effects if name in swapped))
+                farthest = max(farthest, difference)
         if len(ways) > 1:
             ways.sort(key=lambda way: not _is_of_rig(way, library))
             groups.append(Group(tuple(ways), farthest, sum(_is_of_rig(way, library) for way in ways)))
