@@ -13,8 +13,7 @@ from damping.effects.contract import Drive, Terms, add_parts
 _STILL = 1e-8  #: |alpha/p^2| below which a moving frequency has no computable effect
 _SLOW = 1e-3  #: |alpha/p^2|, or p over a step, below which first-order formulas avoid cancellation
 _LARGEST_EXPONENT = 50.0  #: of a ringing motion: beyond it ringing has not begun
-#: Least squared ratio of the ringing to the driving frequency, which keeps numbers finite where nothing rings.
-_LEAST_RATIO = 0.01
+_LEAST_RATIO = 0.01  #: of the squared ringing to the squared driving frequency, for finite numbers where nothing rings
 
 
 def swept_receptance(Z: ComplexArray, terms: Terms, drive: Drive) -> tuple[ComplexArray, ComplexArray]:

@@ -70,11 +70,9 @@ def _name_arrays(contents: Arrays, stated: Stated) -> dict[str, str]:
     """
     arrays, known = contents.arrays, contents.known
     if not stated.columns:
-        usual = {role: name for role, of_role in NAMES["own"].items() for name in of_role if name in arrays}
-        if usual:
+        if usual := {role: name for role, of_role in NAMES["own"].items() for name in of_role if name in arrays}:
             return usual
-        has_groups = any("/" in name for name in known)
-        groups = "damping campaign, which reads a group for each run, or " if has_groups else ""
+        groups = "damping campaign, which reads a group for each run, or " if any("/" in name for name in known) else ""
         expected = f"{groups}--column ROLE=NAME; it has {_list_known(known)}"
         raise InputError("no array has the name of a role", expected=expected)
     names = {role: _find_path(name, arrays) for role, name in stated.columns.items()}
@@ -116,10 +114,9 @@ def _find_even_abscissa(
     name = find_nearest([one for one in known if math.prod(known[one]) == 1 and last_name(one) in kinds], main)
     if name is None:
         return None
-    starts = []
-    if last_name(name) in NAMES["rate"]["increment"]:
-        beside = [one for one in known if split(one)[:-1] == split(name)[:-1]]
-        starts = [one for one in beside if last_name(one) in NAMES["rate"]["start"]]
+    beside = [one for one in known if split(one)[:-1] == split(name)[:-1]]
+    starts = [one for one in beside if last_name(one) in NAMES["rate"]["start"]]
+    starts = starts if last_name(name) in NAMES["rate"]["increment"] else []
     numbers = read([name, *starts])
     step, *origins = (float(numbers.arrays[one][0].real.reshape(-1)[0]) for one in [name, *starts])
     text = numbers.units.get(name, "")
