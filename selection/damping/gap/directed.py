@@ -31,15 +31,12 @@ from damping.gap.unknowns import CLIP
 ALARM = 0.003
 #: Most missing forces that an explanation may blame; more can imitate a law that is not in the library.
 MOST_FORCES = 2
-#: Splines of stiffness, and of damping, with amplitude.
-SPLINES = 6
+SPLINES = 6  #: splines of stiffness, and of damping, with amplitude
 _WINDOWS = (4, 8, 16)  #: rows in a window of frequency
 #: The family of a natural frequency (relative change) and a damping ratio that change with amplitude in free form.
 FREE = "stiffness and damping with amplitude"
-#: Spline combinations with less than this share of the information of the best determined one are left out; no curve
-#: is drawn where they make more than a tenth of it.
-_SEEN = 1e-4
-_MOST_UNSEEN = 0.1
+_SEEN = 1e-4  #: least information of a spline combination that is kept, over that of the best determined one
+_MOST_UNSEEN = 0.1  #: largest share of a curve in combinations left out at which it is drawn
 _STEP = 1e-4  #: step of a fitted variable (prior standard deviation 1) for the slope of a curve
 _DRAWN = 80  #: Amplitudes at which a curve of free form is drawn.
 

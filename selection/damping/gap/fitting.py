@@ -32,9 +32,8 @@ _MOST_REFITTED = 8  #: Most probable hypotheses that are fitted to another probl
 _MOST_SIMPLE = 3  #: Most probable hypotheses with one effect that are fitted to it as well.
 _LOST_REFITTED = 30.0  #: A hypothesis farther behind the best in ln p is not among the most probable of all.
 _STARTS = 4  #: Starts of each form that are fitted.
-#: Forms of one effect that are fitted, alone and beside others: those of the largest linear gain, none far behind.
-_MOST_FORMS = 8
-_MOST_FORMS_BESIDE = 3
+_MOST_FORMS = 8  #: Most forms of an effect alone that are fitted, those of the largest linear gain.
+_MOST_FORMS_BESIDE = 3  #: Most forms of an effect beside others that are.
 _MOST_BASES = 2  #: Modes of a hypothesis to which a further effect is added.
 _ROUGH = 1.5  #: From this misfit of the base, in units of noise, starts of other sizes are fitted too.
 _APART = 3.0  #: Deviation of a sweep, in units of repeatability, beyond which it hides something.

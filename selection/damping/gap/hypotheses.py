@@ -23,22 +23,18 @@ NEAR = 4.0  #: A hypothesis within these log odds of the most probable one is ne
 FITTING = 1.6
 _MOST_FIRST = 4  #: Combinations with bases that leave only noise that are tried before others.
 _MOST_OF_A_BASE = 4  #: Combinations with one base that are tried before those with others.
-#: Strength, as a share of its natural size, for the derivative by an effect; ln of a strength that is practically zero.
-_SMALL = 1e-3
-_NONE = -60.0
+_SMALL = 1e-3  #: Strength, as a share of its natural size, for the derivative by an effect.
+_NONE = -60.0  #: ln of a strength that is practically zero.
 #: Standard normal variables of the strength from which forms that replace something are started, (sizes, 1).
 _SIZES = np.array([[0.0], [-1.2], [1.2], [-2.4], [2.4]])
-#: Range of start values of the gap that an effect opens, in units of noise; its upper end for given gaps.
-_LOW = 0.3
-_HIGH = 60.0
-_FARTHEST = 3000.0
+_LOW = 0.3  #: Smallest start value of the gap that an effect opens, in units of noise.
+_HIGH = 60.0  #: Largest start value of that gap by the linear gain.
+_FARTHEST = 3000.0  #: Largest start value of that gap where it is given.
 #: First-order gap of the natural strength, in units of noise, below which an effect has no first-order gap.
 _UNSEEN_GAP = 1e-3
-#: A form is worth a fit if its linear gain exceeds this share of the largest, less ``SURE``; where the base fits nearly
-#: to the noise, also ``_SLIGHT``.
-_FAR = 0.2
-SURE = 50.0
-_SLIGHT = 0.2
+_FAR = 0.2  #: A form is worth a fit if its linear gain exceeds this share of the largest, less ``SURE``.
+SURE = 50.0  #: Difference in ln p that leaves no doubt, even between linear estimates.
+_SLIGHT = 0.2  #: Least linear gain of a form worth a fit where the base fits nearly to the noise.
 
 
 @dataclass(frozen=True)
