@@ -59,7 +59,7 @@ def _imported(kind: str) -> Callable[[Path], object]:
 def _mat(path: Path) -> None:
     """What the process that reads MAT files does; the library may fail in any way, but must end."""
     with suppress(Exception):  # as in the program, where it is a process of its own that fails
-        list(worker._mat(str(path), "mat5", _NAMES, worker.Contents(_MOST_BYTES)))
+        list(worker._read_mat(str(path), _NAMES, worker.Contents(_MOST_BYTES)))
 
 
 READERS: dict[str, Callable[[Path], object]] = {

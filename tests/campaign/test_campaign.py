@@ -31,7 +31,7 @@ from damping.campaign.answer import Campaign, ModeAnswer
 from damping.campaign.comparison import EarlierCampaign, compare_predictions, describe_changes
 from damping.campaign.decays import decay_modes
 from damping.campaign.modal_fit import Level
-from damping.campaign.records import describe_lost, fit_levels, tie_modes
+from damping.campaign.records import describe_lost, fit_levels, join_modes
 from damping.campaign.responses import find_input
 from damping.campaign.runs import CampaignRun, Corrections, DesignLevel, read_corrections
 from damping.campaign.sources import read_runs
@@ -128,7 +128,7 @@ def data_set(
 def test_modes_residues_and_bad_sensors_are_found(tmp_path, kind, name):
     runs, _ = read_runs([written(tmp_path / name, kind)], 10 * SIZE)
     levels, names = fit_levels(runs), runs[0].names
-    modes = tie_modes(levels)
+    modes = join_modes(levels)
     assert len(modes) == len(MODES)
     for k, (mode, (f_n, _, _, part)) in enumerate(zip(modes, MODES, strict=True)):
         np.testing.assert_allclose(mode.frequency, f_n, rtol=1e-3)  # a tenth of the per cent that is asked for
@@ -149,7 +149,7 @@ def test_a_gain_that_changes_at_one_level_is_of_its_sensor(tmp_path, changed, ga
             readings[changed] = readings[changed] * gain
     runs, _ = read_runs([path], 10 * SIZE)
     names = runs[0].names
-    modes = tie_modes(fit_levels(runs))
+    modes = join_modes(fit_levels(runs))
     told = {names[REVERSED], names[DEAD]} | ({names[changed]} if abs(gain - 1.0) > 0.1 else set())
     for k, mode in enumerate(modes):
         assert set(mode.left_out) == told
@@ -168,7 +168,7 @@ def test_of_two_runs_neither_is_the_one_with_the_right_gain(tmp_path):
         readings = file["run_0.4g"]["accelerations"]
         readings[1] = readings[1] * 1.25
     runs, _ = read_runs([path], 10 * SIZE)
-    told = tie_modes(fit_levels(runs))[0].left_out[runs[0].names[1]]
+    told = join_modes(fit_levels(runs))[0].left_out[runs[0].names[1]]
     read = re.search(r"it reads ([\d.]+) times its reading relative to the others in the other", told)
     assert min(abs(np.log(float(read[1]) * ratio)) for ratio in (1.25, 1.0 / 1.25)) < 0.01
 
@@ -667,7 +667,7 @@ def test_histories_with_a_drive_are_tracked(tmp_path, ending, monkeypatch):
     assert {one.name for one in run.channels} == {"tip", "mid"}
     inside = (run.x > 23.0) & (run.x < 39.0)
     np.testing.assert_allclose(run.rate[inside], SWEEP * run.x[inside], rtol=0.05)
-    mode = tie_modes(fit_levels([run]))[0]
+    mode = join_modes(fit_levels([run]))[0]
     steady = prepare(mode.record, mode.mode).record.table
     w, w_n = 2 * np.pi * steady["frequency"], 2 * np.pi * F_N
     Z = steady["force"] / steady["amplitude"] * np.exp(1j * steady["phase"])
@@ -1089,7 +1089,7 @@ def test_a_mode_that_only_sensors_left_out_show_is_named(tmp_path):
             run[name] = 0.1 * motion * (1.0 + 0.004 * rng.normal(size=len(f)))
             run[name].attrs["units"] = run["control"].attrs["units"] = "g"
     levels = fit_levels(read_runs([tmp_path / "sine.h5"], 10 * SIZE)[0])
-    tied = tie_modes(levels)
+    tied = join_modes(levels)
     assert [round(mode.mode.frequency) for mode in tied] == [58]
     (note,) = describe_lost(levels, tied)
     assert note == "the mode near 32 Hz is left out, because only sensors left out show it (back)"
@@ -1106,12 +1106,12 @@ def test_a_mode_that_is_asked_for_and_not_there_is_named(tmp_path):
             run[name].attrs["units"] = "g"
     runs, asked = read_runs([tmp_path / "sine.h5"], 10 * SIZE)[0], (300.0, 58.0)
     levels = fit_levels(runs, asked)
-    tied = tie_modes(levels, asked=asked)
+    tied = join_modes(levels, asked=asked)
     assert [round(mode.mode.frequency) for mode in tied] == [58]
     (note,) = describe_lost(levels, tied, asked)
     assert note == "the mode near 300 Hz is left out, because no sensor shows it 8 standard errors out of the noise"
     with pytest.raises(AnalysisError, match=r"of the modes sought near 300 Hz none stands 8 standard .*: name others"):
-        tie_modes(fit_levels(runs, [300.0]), asked=[300.0])
+        join_modes(fit_levels(runs, [300.0]), asked=[300.0])
     with pytest.raises(InputError, match=r"--modes 300: no run holds that frequency; expected 45 to 75 Hz"):
         analyse([tmp_path / "sine.h5"], frequencies=asked)
 

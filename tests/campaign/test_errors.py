@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from damping.campaign import _find_errors, analyse
-from damping.campaign.records import fit_levels, tie_modes
+from damping.campaign.records import fit_levels, join_modes
 from damping.campaign.sources import read_runs
 from tests.campaign.test_delays import LEVELS, G, write
 
@@ -29,7 +29,7 @@ def measure_scores(path, seeds):
         rng = np.random.default_rng(seed)
         modes, shapes = random_modes(rng)
         levels = fit_levels(read_runs([write(path, rng, 0.0, modes, shapes)], 10_000_000)[0], [m[0] for m in modes])
-        for mode in tie_modes(levels):
+        for mode in join_modes(levels):
             hertz, ratio, growth, _, part = modes[mode.number]
             for k, level in enumerate(levels):
                 force, w = LEVELS[k] * G * part, 2 * np.pi * hertz

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from damping.campaign import analyse
 from damping.campaign.decays import decay_modes
 from damping.campaign.modal_fit import find_peaks_of, fit_level
-from damping.campaign.records import fit_levels, fit_right_levels, tie_modes
+from damping.campaign.records import fit_levels, fit_right_levels, join_modes
 from damping.campaign.runs import ChannelCorrection, Corrections
 from damping.campaign.sources import read_runs
 from damping.campaign.values import At, Bounds, Response
@@ -254,7 +254,7 @@ def test_only_a_reversed_sensor_is_called_so(tmp_path, sign):
     assert np.all(np.sign(motion[1, f < 35.0].real) == sign)
     noise = {level: np.random.default_rng(k).normal(size=motion.shape) for k, level in enumerate((0.1, 0.2, 0.4))}
     read = {level: level * motion * (1 + 0.005 * own) for level, own in noise.items()}
-    (mode,) = tie_modes(fit_levels(read_runs([write_levels(tmp_path / "close.h5", f, read)], 10_000_000)[0]))
+    (mode,) = join_modes(fit_levels(read_runs([write_levels(tmp_path / "close.h5", f, read)], 10_000_000)[0]))
     assert ("reversed" in mode.left_out.get("accelerations[1]", "")) == (sign < 0)
 
 
@@ -354,7 +354,7 @@ def test_a_sensor_in_another_unit_is_left_out_before_modes_are_sought(tmp_path, 
         assert all(peak.sensor != "acc2" for at in mode.places for peak in at.response)
     scaled = Corrections(channels={"acc2": ChannelCorrection(unit="m/s^2")})
     right, misread = fit_right_levels(read_runs([tmp_path / "a.h5"], 10_000_000, scaled)[0])
-    assert not any("acc2" in mode.left_out for mode in tie_modes(right, misread))
+    assert not any("acc2" in mode.left_out for mode in join_modes(right, misread))
 
 
 @pytest.mark.parametrize("stated", [False, True])
@@ -408,7 +408,7 @@ def test_modes_that_are_not_seen_are_asked_for(tmp_path):
     path = write_levels(tmp_path / "noise.h5", f, {0.1: 0.1 * (1 + 0.05 * rng.normal(size=(2, len(f))) + 0j)})
     levels = fit_levels(read_runs([path], 10_000_000)[0], [40.0])
     with pytest.raises(AnalysisError, match=r"sought near .* Hz none stands .*--modes F1,F2"):
-        tie_modes(levels)
+        join_modes(levels)
 
 
 def rubbing(f: np.ndarray, force: float) -> np.ndarray:

@@ -13,7 +13,7 @@ import scipy.io
 from nptdms import ChannelObject, TdmsWriter
 
 from damping.campaign import analyse
-from damping.campaign.records import describe_lost, fit_levels, tie_modes
+from damping.campaign.records import describe_lost, fit_levels, join_modes
 from damping.campaign.runs import ChannelCorrection, Corrections, DesignLevel
 from damping.campaign.sensors import find_exchanged
 from damping.campaign.sources import read_runs
@@ -180,7 +180,7 @@ def test_phases_are_read_by_name_and_sense(tmp_path, phase, sign):
 def test_modes_and_damping_are_the_true_ones(tmp_path):
     """Frequency to 1e-4, damping ratio at the peak to 1 %: without noise only the growth within a level is left."""
     levels = fit_levels(read_runs(write("csv", tmp_path), SIZE)[0])
-    modes = tie_modes(levels)
+    modes = join_modes(levels)
     assert len(modes) == 2
     for k, mode in enumerate(modes):
         np.testing.assert_allclose(mode.frequency, MODES[k][0], rtol=1e-4)
@@ -836,7 +836,7 @@ def test_a_mode_found_far_from_where_it_was_asked_for_is_told(tmp_path):
     near = fit_levels(read_runs(files, SIZE)[0], [12.0, 19.0])
     for level, of in zip(levels, near, strict=True):
         np.testing.assert_allclose(level.fit.frequency, of.fit.frequency, rtol=1e-5)
-    (told,) = describe_lost(levels, tie_modes(levels, {}, [12.0, 20.6]), [12.0, 20.6])
+    (told,) = describe_lost(levels, join_modes(levels, {}, [12.0, 20.6]), [12.0, 20.6])
     assert told == "caution: the mode stated near 20.6 Hz was found at 19 Hz: is it another one?"
 
 

@@ -330,10 +330,10 @@ def test_rivals_that_different_tests_tell_are_told_by_both(monkeypatch, blamed, 
         for name, effects in (("L", ("L",) if blamed else ()), ("A", ("A",)), ("B", ("B",)))
     ]
     design = SimpleNamespace(joins=lambda other: True)
-    runs = [SimpleNamespace(design=design, missed=((name, "A"), (name, "B")), predicted=None) for name in ("r1", "r2")]
+    runs = [SimpleNamespace(design=design, misfits=((name, "A"), (name, "B")), predicted=None) for name in ("r1", "r2")]
     values = {
         "_predict_runs": lambda *_: runs,
-        "_odds": lambda missed, rival: sum(odds[own] for own in missed),
+        "_odds": lambda misfits, rival: sum(odds[own] for own in misfits),
         "_describe_test": lambda own, D, p, *_: NextTest(
             str(len(own)), "", D, p, ("added_mass",) if beyond else (), (), ""
         ),

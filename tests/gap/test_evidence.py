@@ -258,7 +258,7 @@ def test_a_hypothesis_that_lost_its_mode_is_fitted_again_from_one_that_holds_it(
     record = lab.record(bench.rows, lab.cells(*true_record(*both)), seed=6)
     start = setting(record, lab.mode())
     search = Search(start.problem, library, start.unknowns)
-    search.singles()
+    search.fit_single_effects()
     lag = search.hypotheses[frozenset({"phase-lag"})]
     search.extend(lag, "displacement")
     pair = search.hypotheses[frozenset(library)]
@@ -431,7 +431,7 @@ def test_a_fit_is_not_repeated_from_the_hypothesis_that_it_was_made_from(lab):
     """Repeated, it gives the same to the last bit: nothing in it is drawn at random."""
     start, fitted = setting(lab.record(lab.bench().rows, lab.truth("displacement")), lab.mode()), []
     search = Search(start.problem, {"displacement": CATALOGUE["displacement"]}, start.unknowns, done=fitted.append)
-    search.singles()
+    search.fit_single_effects()
     null, first = search.hypotheses[frozenset()], search.hypotheses[frozenset({"displacement"})]
     assert fitted == ["no effect", "displacement"]
     search.improve(null, "displacement")

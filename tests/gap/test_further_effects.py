@@ -17,7 +17,7 @@ from damping.effects.contact import Contact, Rub
 from damping.effects.contract import Drive, Terms
 from damping.effects.forces import joint_force
 from damping.effects.foreign import FallingFriction
-from damping.effects.moving import _Memory, _remembered
+from damping.effects.moving import _Envelope, _integrate
 from damping.effects.rig import clipping, compressing, integrate_third, recorded_third
 from damping.effects.terms import predict, third_harmonic
 from damping.errors import AnalysisError, InputError
@@ -648,7 +648,7 @@ def test_damping_of_the_mode_file_excludes_no_effect_of_a_simulator(lab):
 
 def remembered(p, alpha, omega, sweep, begun=0.0, F=1.0, held=0.0):
     drive = SimpleNamespace(omega=np.asarray(omega), F=F * np.ones(len(omega)), sweep=np.asarray(sweep))
-    return _remembered(_Memory.of(np.asarray(p, dtype=complex), np.asarray(alpha, dtype=float), begun, held), drive)
+    return _integrate(_Envelope.of(np.asarray(p, dtype=complex), np.asarray(alpha, dtype=float), begun, held), drive)
 
 
 def test_a_dwell_remembers_nothing():
@@ -683,7 +683,7 @@ def test_a_sweep_that_is_held_at_its_first_row_rings_there():
     true = solve_ivp(lambda t, y: 1.0 - (p[0] + 1j * alpha * t) * y, (0.0, 7.0), start, t_eval=times, rtol=1e-9).y[0]
     held, before = (remembered(p, np.full(15, alpha), 100.0 + detuning, np.zeros(15), begun) for begun in (1.0, 0.0))
     np.testing.assert_allclose(held, true, rtol=1e-5)  # what the integration leaves
-    np.testing.assert_allclose(before, _Memory.of(p, np.full(15, alpha)).lewis, rtol=1e-9)
+    np.testing.assert_allclose(before, _Envelope.of(p, np.full(15, alpha)).lewis, rtol=1e-9)
     assert abs(held[1] / before[1] - 1.0) > 0.04  # four sigma of 1 %, which were taken for another effect
 
 

@@ -18,7 +18,7 @@ from damping.campaign.decays import answer_decays
 from damping.campaign.delays import describe_delay, measure_delay
 from damping.campaign.modal_fit import MOVED, Level
 from damping.campaign.notches import find_notches
-from damping.campaign.records import DrivenMode, describe_lost, fit_right_levels, tie_modes
+from damping.campaign.records import DrivenMode, describe_lost, fit_right_levels, join_modes
 from damping.campaign.responses import Forecast, add_responses, describe_turned, find_input
 from damping.campaign.runs import CampaignRun, Corrections, DesignLevel
 from damping.campaign.sensors import check_drives, describe_shares
@@ -124,7 +124,7 @@ def _answer_sweeps(
     highest = tuple(float(level.level.max()) for level in inputs)
     check_drives(runs, trusted)
     levels, misread = fit_right_levels(runs, frequencies, trusted)
-    tied = tie_modes(levels, {**runs[0].left_out, **misread}, frequencies)
+    tied = join_modes(levels, {**runs[0].left_out, **misread}, frequencies)
     summary.notes.extend([*describe_shares(levels, trusted), *describe_lost(levels, tied, frequencies)])
     summary.notes.extend(f"caution: {mode.mode.name}: {text}" for mode in tied for text in mode.cautions)
     delay = (levels[0].run.delay, measure_delay(levels)[1]) if levels[0].run.delay else None

@@ -17,7 +17,7 @@ from damping.campaign.answer import LEAST_SPREAD, LEVEL, NORMAL_90, Campaign, Mo
 from damping.campaign.decay_shapes import describe_unshaped, find_loudest, find_shapes, list_unused
 from damping.campaign.runs import CampaignRun, Channel, DesignLevel
 from damping.campaign.sensors import find_unfit_sensors
-from damping.campaign.values import At, Bounds, Response
+from damping.campaign.values import At, Bounds, Response, make_mode
 from damping.errors import AnalysisError, InputError, naming
 from damping.extrapolation.backbone import find_backbone
 from damping.extrapolation.curve import predict_forces, trace_loads
@@ -25,7 +25,7 @@ from damping.forces import damping_ratio
 from damping.formats.headers import ORDERS
 from damping.formats.quantity import unit
 from damping.formats.series import Summary
-from damping.records.mode import Mode, Tolerance, Units
+from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.signals.ringdown import ring_down
 from damping.signals.windows import PERIODS
@@ -108,16 +108,17 @@ def _fit_modes(
     unusable: dict[float, str] = {}
     for k, (frequency, motion) in enumerate(zip(at, motions, strict=True)):
         try:
-            decay = _mode(motion, frequency, order, f"mode-{len(decays) + 1}")
+            decay = _fit_mode(motion, frequency, order, f"mode-{len(decays) + 1}")
         except AnalysisError as error:
             if known:
                 raise
             unusable[frequency] = str(error)
             continue
-        if known or abs(decay[3].frequency / frequency - 1.0) <= _ELSEWHERE:
+        *_, mode = decay
+        if known or abs(mode.frequency / frequency - 1.0) <= _ELSEWHERE:
             decays[k] = decay
         else:
-            unusable[frequency] = f"the decay near {frequency:g} Hz is that of {decay[3].frequency:g} Hz"
+            unusable[frequency] = f"the decay near {frequency:g} Hz is that of {mode.frequency:g} Hz"
     return decays, unusable
 
 
@@ -126,7 +127,7 @@ def _find_factor(sensor: Channel) -> float:
     return unit(sensor.unit or "1").factor
 
 
-def _mode(
+def _fit_mode(
     motions: Sequence[tuple[str, FloatArray, FloatArray]], frequency: float, order: int, name: str
 ) -> FittedDecay:
     """A mode of mass 1 from its motion in each run."""
@@ -146,9 +147,7 @@ def _mode(
         raise AnalysisError(f"{name} near {frequency:g} Hz: {'; '.join(cautions)}")
     table = pd.concat(tables, ignore_index=True)
     lowest = int(np.argmin(table["amplitude"].to_numpy()))
-    at = float(table["frequency"].iloc[lowest])
-    tolerance = Tolerance(mass=0.005, from_record=True)
-    mode = Mode(name=name, frequency=at, mass=1.0, tolerance=tolerance, units=Units("N", "m", "s"))
+    mode = make_mode(name, float(table["frequency"].iloc[lowest]))
     return np.array(tops), tuple(cautions), Record(table, name), mode
 
 
@@ -160,14 +159,14 @@ def answer_decays(
     summary: Summary,
 ) -> Campaign:
     """Results for free decays at every tested and design amplitude; notes are added to ``summary``."""
-    answers = tuple(_decaying(runs[0], mode, design, seed) for mode in decay_modes(runs, frequencies, summary))
+    answers = tuple(_answer_mode(runs[0], mode, design, seed) for mode in decay_modes(runs, frequencies, summary))
     tested = sorted({at.level for answer in answers for at in answer.places if at.tested})
     beyond = sorted({at.level for answer in answers for at in answer.places if not at.tested})
     asked = tuple(float(level.level.max()) for level in design) or tuple(beyond)
     return Campaign(answers, tuple(tested), asked, runs[0].channels[0].unit)
 
 
-def _decaying(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], seed: int) -> ModeAnswer:
+def _answer_mode(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel], seed: int) -> ModeAnswer:
     """Tested and design levels of a mode of free decays: amplitudes of the sensor that moves most.
 
     All are in the unit of the first sensor, so that levels of all modes can be compared.

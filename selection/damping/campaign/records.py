@@ -8,6 +8,7 @@ force and the mass 1/|r_ref|. Only products of shape and participation, or shape
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from math import pi
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,13 +16,14 @@ import pandas as pd
 from damping.arrays import BoolArray, ComplexArray, FloatArray, wrap_lag
 from damping.campaign.delays import remove_delay
 from damping.campaign.merged import describe_excess, split_merged
-from damping.campaign.modal_fit import LEAST_T, MOVED, Level, evaluate_sd, find_peaks_of, fit_level
+from damping.campaign.modal_fit import LEAST_T, MOVED, Level, ModalFit, evaluate_sd, find_peaks_of, fit_level
 from damping.campaign.runs import CampaignRun
 from damping.campaign.sensors import find_bad_sensors, find_misread
+from damping.campaign.values import make_mode
 from damping.errors import AnalysisError, InputError
 from damping.formats.headers import ORDERS
 from damping.formats.quantity import unit
-from damping.records.mode import Mode, Tolerance, Units
+from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.text import name_apart
 
@@ -65,41 +67,45 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
     for run, (f, _, _) in zip(runs, motions, strict=True):
         if len(np.unique(f)) < 2:
             raise AnalysisError(f"no resonance in run {run.label!r}: it has no two different frequencies above 0")
-    first, starts = (0, frequencies) if len(frequencies) else _choose_first(runs, motions)
     sign = 1.0 if runs[0].is_base_driven else -1.0
-    f, H, drive = motions[first]
-    fits = {first: fit_level(f, H, starts, sign, (), _hold_steady(drive))}
+
+    def fit(k: int, starts: Sequence[float], ratios: Sequence[float] = ()) -> ModalFit:
+        f, H, drive = motions[k]
+        return fit_level(f, H, starts, sign, ratios, _hold_steady(drive))
+
+    first, starts = (0, frequencies) if len(frequencies) else _choose_first(motions, runs[0].label, sign)
+    fits = {first: fit(first, starts)}
     while not len(frequencies) and not (stays := _keep_place(fits[first].frequency, starts)).all():
         starts = [start for start, kept in zip(starts, stays, strict=True) if kept]
-        fits[first] = fit_level(f, H, starts, sign, (), _hold_steady(drive))
+        fits[first] = fit(first, starts)
     if len(frequencies) and np.any(np.abs(fits[first].frequency / np.sort(frequencies) - 1.0) > MOVED):
-        fits[first] = fit_level(f, H, list(fits[first].frequency), sign, list(fits[first].ratio), _hold_steady(drive))
+        fits[first] = fit(first, list(fits[first].frequency), list(fits[first].ratio))
     for k in (*range(first + 1, len(runs)), *reversed(range(first))):
-        (f, H, drive), near = motions[k], fits[k - 1 if k > first else k + 1]
-        fits[k] = fit_level(f, H, list(near.frequency), sign, list(near.ratio), _hold_steady(drive))
+        near = fits[k - 1 if k > first else k + 1]
+        fits[k] = fit(k, list(near.frequency), list(near.ratio))
     levels = []
-    names = name_apart(f"{run.level:g} {run.drive_unit}" for run in runs)
-    for k, (run, name, motion) in enumerate(zip(runs, names, motions, strict=True)):
-        third = None if any(channel.third is None for channel in run.channels) else _accelerations(run, 3)[1]
-        levels.append(Level(run, *motion, fits[k], third, name))
+    for k, name in enumerate(name_apart(f"{run.level:g} {run.drive_unit}" for run in runs)):
+        third = (
+            _accelerations(runs[k], 3)[1] if all(channel.third is not None for channel in runs[k].channels) else None
+        )
+        levels.append(Level(runs[k], *motions[k], fits[k], third, name))
     return levels
 
 
 def _choose_first(
-    runs: Sequence[CampaignRun], motions: Sequence[tuple[FloatArray, ComplexArray, FloatArray]]
+    motions: Sequence[tuple[FloatArray, ComplexArray, FloatArray]], lowest: str, sign: float
 ) -> tuple[int, Sequence[float]]:
     """Index of the level at which modes are found, and its peaks, Hz: the lowest, unless most levels show more peaks.
 
     Friction hides one of two close modes at low levels. The upper median of the numbers of peaks is what most levels
-    show: a jump or ringing at a single level adds peaks that are no modes. AnalysisError: the lowest level has none.
+    show: a jump or ringing at a single level adds peaks that are no modes. AnalysisError: the ``lowest`` run has none.
     """
-    sign = 1.0 if runs[0].is_base_driven else -1.0
     peaks = [find_peaks_of(f, H, sign) for f, H, _ in motions]
     if not peaks[0]:
-        raise AnalysisError(f"no resonance in run {runs[0].label!r}: no sensor has a peak above its noise")
+        raise AnalysisError(f"no resonance in run {lowest!r}: no sensor has a peak above its noise")
     numbers = [len(of_level) for of_level in peaks]
-    most = sorted(numbers)[len(numbers) // 2]
-    first = next(k for k, number in enumerate(numbers) if (k == 0 and number >= most) or number == most)
+    usual = sorted(numbers)[len(numbers) // 2]
+    first = 0 if numbers[0] >= usual else numbers.index(usual)
     return first, peaks[first]
 
 
@@ -139,55 +145,54 @@ def _accelerations(run: CampaignRun, harmonic: int = 1) -> tuple[FloatArray, Com
     w = harmonic * 2.0 * pi * f
     rows = []
     for sensor in run.channels:
-        samples = np.asarray(sensor.samples if harmonic == 1 else sensor.third)[keep]
-        motion = samples * unit(sensor.unit).factor * (1j * w) ** (2 - ORDERS[sensor.quantity])
+        motion = np.asarray(sensor.samples if harmonic == 1 else sensor.third)[keep] * unit(sensor.unit).factor
+        motion = motion * (1j * w) ** (2 - ORDERS[sensor.quantity])
         motion = motion * np.exp(1j * w * run.delay) if run.delay else motion
         rows.append(motion / drive_unit.factor if sensor.per_drive else motion / drive)
     return f, np.array(rows), np.abs(drive)
 
 
-def tie_modes(
+def join_modes(
     levels: Sequence[Level], misread: Mapping[str, str] | None = None, asked: Sequence[float] = ()
 ) -> list[DrivenMode]:
     """Modes of all levels in order of frequency, without those that no sensor shows. AnalysisError: none is left.
 
     ``misread``: sensors already removed from the levels, and why. ``asked``: frequencies that the user named, Hz.
     """
-    out = {**(misread or {}), **find_bad_sensors(levels)}
+    left_out = {**(misread or {}), **find_bad_sensors(levels)}
+    numbers = range(len(levels[0].fit.frequency))
     modes: list[DrivenMode] = []
-    for k in range(len(levels[0].fit.frequency)):
-        mode = _tie(levels, k, dict(out), len(modes) + 1)
-        if mode is not None:
+    for k in numbers:
+        if mode := _join_mode(levels, k, left_out, f"mode-{len(modes) + 1}"):
             modes.append(mode)
-    if not modes:
-        near = ", ".join(f"{at:.4g}" for at in sorted(asked) or levels[0].fit.frequency)
-        seen = f"of the modes sought near {near} Hz none stands {LEAST_T:g} standard errors out of the noise"
-        merged = [text for k in range(len(levels[0].fit.frequency)) for text in describe_excess(levels, k)]
-        remedy = "name others, or none" if len(asked) else "name the modes"
-        raise AnalysisError("; ".join([f"{seen} at every level: {remedy} (--modes F1,F2,... in Hz)", *merged]))
-    return modes
+    if modes:
+        return modes
+    near = ", ".join(f"{at:.4g}" for at in sorted(asked) or levels[0].fit.frequency)
+    seen = f"of the modes sought near {near} Hz none stands {LEAST_T:g} standard errors out of the noise"
+    remedy = "name others, or none" if len(asked) else "name the modes"
+    merged = [text for k in numbers for text in describe_excess(levels, k)]
+    raise AnalysisError("; ".join([f"{seen} at every level: {remedy} (--modes F1,F2,... in Hz)", *merged]))
 
 
-def describe_lost(levels: Sequence[Level], tied: Sequence[DrivenMode], asked: Sequence[float] = ()) -> list[str]:
-    """Modes that are ``asked`` for, or stand out of the noise at some level, but are none of those ``tied``.
-
-    Also those found far from where they were asked for.
+def describe_lost(levels: Sequence[Level], modes: Sequence[DrivenMode], asked: Sequence[float] = ()) -> list[str]:
+    """Modes that are ``asked`` for, or stand out of the noise at some level, but are none of the ``modes``; and
+    those found far from where they were asked for.
     """
-    near = sorted(asked) or levels[0].fit.frequency
-    lost = [
-        f"caution: the mode stated near {stated:.4g} Hz was found at {found:.4g} Hz: is it another one?"
-        for stated, found in zip(sorted(asked), levels[0].fit.frequency, strict=False)
-        if abs(found / stated - 1.0) > MOVED
-    ]
-    names, unit = levels[0].run.names, levels[0].run.drive_unit
-    usable = [tied[0].left_out.get(name, _UNSEEN) == _UNSEEN for name in names]
-    for k in set(range(len(levels[0].fit.frequency))) - {mode.number for mode in tied}:
+    names, unit, frequency = levels[0].run.names, levels[0].run.drive_unit, levels[0].fit.frequency
+    near, lost = sorted(asked) or frequency, []
+    for stated, found in zip(sorted(asked), frequency, strict=False):
+        if abs(found / stated - 1.0) > MOVED:
+            lost.append(
+                f"caution: the mode stated near {stated:.4g} Hz was found at {found:.4g} Hz: is it another one?"
+            )
+    usable = [modes[0].left_out.get(name, _UNSEEN) == _UNSEEN for name in names]
+    for k in set(range(len(frequency))) - {mode.number for mode in modes}:
         clear = [np.abs(level.fit.residues[:, k]) > LEAST_T * level.fit.residues_sd[:, k] for level in levels]
         showing = np.any(clear, axis=0)
         what = f"the mode near {near[k]:.4g} Hz is left out, because"
         if np.any(showing & usable):
-            found = (f"{level.fit.frequency[k]:.4g} Hz at {level.run.level:g} {unit}".rstrip() for level in levels)
-            what += f" its levels do not agree ({', '.join(found)})"
+            places = (f"{level.fit.frequency[k]:.4g} Hz at {level.run.level:g} {unit}".rstrip() for level in levels)
+            what += f" its levels do not agree ({', '.join(places)})"
             lost.append(f"{what}: a level in which it moved away or is hidden needs its own campaign")
         elif showing.any():
             shown = ", ".join(name for name, shows in zip(names, showing, strict=True) if shows)
@@ -197,84 +202,83 @@ def describe_lost(levels: Sequence[Level], tied: Sequence[DrivenMode], asked: Se
     return lost
 
 
-def _tie(levels: Sequence[Level], k: int, left_out: dict[str, str], number: int) -> DrivenMode | None:
+def _join_mode(levels: Sequence[Level], k: int, left_out: Mapping[str, str], name: str) -> DrivenMode | None:
     """Mode ``k`` of every level from the sensors that are not left out; None if none of them shows it."""
-    names = levels[0].run.names
-    r = np.array([level.fit.residues[:, k] for level in levels])
-    sd = np.array([level.fit.residues_sd[:, k] for level in levels]).clip(min=1e-300)
-    mean = np.sum(r / sd**2, axis=0) / np.sum(1.0 / sd**2, axis=0)
-    scatter = np.sqrt(np.mean((r - mean) ** 2, axis=0) / max(len(levels) - 1, 1))
-    error = np.hypot(np.sqrt(1.0 / np.sum(1.0 / sd**2, axis=0)), scatter)
-    usable: BoolArray = np.array([name not in left_out for name in names])
-    seen = np.abs(mean) > LEAST_T * error
-    if not (usable & seen).any():
+    (mean, error), sensors = _average_residues(levels, k), levels[0].run.names
+    usable: BoolArray = np.array([sensor not in left_out for sensor in sensors])
+    is_seen = np.abs(mean) > LEAST_T * error
+    kept = usable & is_seen
+    if not kept.any():
         return None
-    unseen = (name for name, missing in zip(names, usable & ~seen, strict=True) if missing)
-    left_out |= dict.fromkeys(unseen, _UNSEEN)
-    kept = usable & seen
-    reference = int(np.argmax(np.where(kept, np.abs(mean), 0.0)))
-    cautions = describe_excess(levels, k)
-    for level, row in zip(levels[1:], r[1:, kept], strict=True):
-        lowest = r[0, kept]
-        mac = float((row @ lowest) ** 2 / ((row @ row) * (lowest @ lowest)))
-        if mac < ALIKE:
-            cautions += (f"at {level.run.level:g} {level.run.drive_unit} the shape is another (MAC {mac:.2f})",)
-    residues = np.where(kept, mean, np.nan)
-    names_of = ("frequency", "frequency_sd", "ratio", "ratio_sd")
-    poles = {name: np.array([getattr(level.fit, name)[k] for level in levels]) for name in names_of}
-    relative = error / np.abs(mean)
-    mass_sd = max(0.005, float(relative[reference]))
-    mode = Mode(
-        name=f"mode-{number}",
-        frequency=float(poles["frequency"][0]),
-        mass=float(1.0 if levels[0].run.is_base_driven else 1.0 / abs(mean[reference])),
-        tolerance=Tolerance(frequency=0.001, mass=mass_sd, viscous=0.05, from_record=True),
-        units=Units("N", "m", "s"),
-    )
-    record = _record(levels, k, residues, reference, mode.name)
+    unseen = [sensor for sensor, missing in zip(sensors, usable & ~is_seen, strict=True) if missing]
+    residues, relative = np.where(kept, mean, np.nan), error / np.abs(mean)
+    reference = int(np.nanargmax(np.abs(residues)))
+    mass = 1.0 if levels[0].run.is_base_driven else 1.0 / abs(float(mean[reference]))
+    mode = make_mode(name, float(levels[0].fit.frequency[k]), mass, float(relative[reference]))
+    record = Record(pd.concat([_tabulate(level, k, residues, reference) for level in levels], ignore_index=True), name)
+    cautions = (*describe_excess(levels, k), *_describe_shapes(levels, k, kept))
+    left_out = {**left_out, **dict.fromkeys(unseen, _UNSEEN)}
+    fields = ("frequency", "frequency_sd", "ratio", "ratio_sd")
+    poles = {field: np.array([getattr(level.fit, field)[k] for level in levels]) for field in fields}
     return DrivenMode(
         k, reference, residues, relative, **poles, left_out=left_out, cautions=cautions, record=record, mode=mode
     )
 
 
-def _record(levels: Sequence[Level], k: int, residues: FloatArray, reference: int, name: str) -> Record:
-    """Rows near resonance of every level: the sensors' motion without the other modes, weighted by their residues."""
-    kept = np.isfinite(residues)
-    r = residues[kept]
-    tables = []
-    for level in levels:
-        rows = _rows_near(level, k)
-        f, H = level.f[rows], level.H[:, rows]
-        rest = level.fit.rest(f, H, k)[kept]
-        sd = evaluate_sd(H[kept], level.fit.noise)
-        weight = r[:, None] / sd**2
-        p = np.sum(weight * rest, axis=0) / np.sum(weight * r[:, None], axis=0)
-        error = 1.0 / np.sqrt(np.sum((r[:, None] / sd) ** 2, axis=0)) / np.abs(p)
-        drive = _hold_steady(level.drive[rows])
-        w = 2.0 * pi * f
-        factor = abs(residues[reference])
-        amplitude = factor * np.abs(p) * drive / w**2
-        lag = -np.angle(p * level.fit.sign)
-        table = pd.DataFrame(
-            {
-                "sweep": level.name,
-                "force": factor * drive if level.run.is_base_driven else drive,
-                "frequency": f,
-                "amplitude": amplitude,
-                "phase": wrap_lag(lag),
-                "amplitude_sd": error * amplitude,
-                "phase_sd": error,
-            }
-        )
-        if level.run.rate is not None:
-            table["sweep_rate"] = level.run.rate[level.run.x > 0.0][rows]
-        if level.third is not None and not level.run.is_base_driven:  # a base motion contains a third harmonic too
-            p = np.sum(weight * level.third[:, rows][kept], axis=0) / np.sum(weight * r[:, None], axis=0)
-            table["amplitude_3"] = factor * np.abs(p) * drive / (3.0 * w) ** 2
-            # cos(3 theta + a) = -sin(3 w t + a) where the drive is cos(theta) = sin(w t)
-            table["phase_3"] = np.angle(-np.conj(p * level.fit.sign))
-        tables.append(table)
-    return Record(pd.concat(tables, ignore_index=True), name)
+def _average_residues(levels: Sequence[Level], k: int) -> tuple[FloatArray, FloatArray]:
+    """Residues of mode ``k``, averaged over the levels, and their standard errors by noise and scatter, (sensors,)."""
+    r = np.array([level.fit.residues[:, k] for level in levels])
+    sd = np.array([level.fit.residues_sd[:, k] for level in levels]).clip(min=1e-300)
+    weight = np.sum(1.0 / sd**2, axis=0)
+    mean = np.sum(r / sd**2, axis=0) / weight
+    scatter = np.sqrt(np.mean((r - mean) ** 2, axis=0) / max(len(levels) - 1, 1))
+    return mean, np.hypot(np.sqrt(1.0 / weight), scatter)
+
+
+def _describe_shapes(levels: Sequence[Level], k: int, kept: BoolArray) -> list[str]:
+    """Cautions on levels at which the shape of mode ``k`` at the ``kept`` sensors is not that of the lowest level."""
+    cautions, lowest = [], levels[0].fit.residues[kept, k]
+    for level in levels[1:]:
+        shape = level.fit.residues[kept, k]
+        mac = float((shape @ lowest) ** 2 / ((shape @ shape) * (lowest @ lowest)))
+        if mac < ALIKE:
+            cautions.append(f"at {level.run.level:g} {level.run.drive_unit} the shape is another (MAC {mac:.2f})")
+    return cautions
+
+
+def _tabulate(level: Level, k: int, residues: FloatArray, reference: int) -> pd.DataFrame:
+    """Rows of a record near a resonance at one level: the motion of mode ``k`` alone, by weighted least squares.
+
+    The motion p (n,) per unit of drive is that of which all sensors show the share of their ``residues``.
+    """
+    rows, kept, run = _rows_near(level, k), np.isfinite(residues), level.run
+    f, H, r = level.f[rows], level.H[:, rows], residues[kept, np.newaxis]
+    sd = evaluate_sd(H[kept], level.fit.noise)
+
+    def average(motion: ComplexArray) -> ComplexArray:
+        return np.asarray(np.sum(r / sd**2 * motion[kept], axis=0) / np.sum(r / sd**2 * r, axis=0))
+
+    p = average(level.fit.rest(f, H, k))
+    error = 1.0 / np.sqrt(np.sum((r / sd) ** 2, axis=0)) / np.abs(p)
+    drive, w, share = _hold_steady(level.drive[rows]), 2.0 * pi * f, abs(residues[reference])
+    amplitude = share * np.abs(p) * drive / w**2
+    columns: dict[str, Any] = {
+        "sweep": level.name,
+        "force": share * drive if run.is_base_driven else drive,
+        "frequency": f,
+        "amplitude": amplitude,
+        "phase": wrap_lag(-np.angle(p * level.fit.sign)),
+        "amplitude_sd": error * amplitude,
+        "phase_sd": error,
+    }
+    if run.rate is not None:
+        columns["sweep_rate"] = run.rate[run.x > 0.0][rows]
+    if level.third is not None and not run.is_base_driven:  # a base motion contains a third harmonic too
+        p = average(level.third[:, rows])
+        columns["amplitude_3"] = share * np.abs(p) * drive / (3.0 * w) ** 2
+        # cos(3 theta + a) = -sin(3 w t + a) where the drive is cos(theta) = sin(w t)
+        columns["phase_3"] = np.angle(-np.conj(p * level.fit.sign))
+    return pd.DataFrame(columns)
 
 
 def _hold_steady(drive: FloatArray) -> FloatArray:

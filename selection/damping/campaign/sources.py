@@ -13,13 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from damping.campaign.functions import list_function_runs
-from damping.campaign.runs import (
-    LABEL_AGREES,
-    CampaignRun,
-    Corrections,
-    keep_common_sensors,
-    summarise_runs,
-)
+from damping.campaign.runs import LABEL_AGREES, CampaignRun, Corrections, keep_common_sensors, summarise_runs
 from damping.campaign.sensors import EXPLAINED, SCALINGS
 from damping.campaign.tables import read_table_runs
 from damping.campaign.tracked import Source, is_of_time, read_table

@@ -7,6 +7,15 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from damping.formats.quantity import find_powers, unit
+from damping.records.mode import Mode, Tolerance, Units
+
+LEAST_MASS_SD = 0.005  #: least relative standard uncertainty of a modal mass, by the calibration of the sensor
+
+
+def make_mode(name: str, frequency: float, mass: float = 1.0, mass_sd: float = 0.0) -> Mode:
+    """A mode in SI whose frequency (Hz), mass and the relative uncertainty ``mass_sd`` are from its own record."""
+    tolerance = Tolerance(mass=max(LEAST_MASS_SD, mass_sd), from_record=True)
+    return Mode(name=name, frequency=frequency, mass=mass, tolerance=tolerance, units=Units("N", "m", "s"))
 
 
 class Bounds(NamedTuple):

@@ -89,9 +89,9 @@ class Terms(NamedTuple):
             of the factors on omega_n, M, all damping, and the simulated damping. offset: ln of the complex factor of
             the reading. readings: nonlinear instruments. beside: the parts added to Z. moving: d omega/dt beyond the
             known rate, rad/s^2. Of a moving frequency are law: power of omega/omega_n in the known rate; ringing:
-            reading, see `damping.effects.moving.hurried`; begun: start, 0 long before the first row of each sweep, 1 at
-            it from a dwell; held: force between rows, 0 changing evenly, 1 that of the row reached; averaging: of a
-            detector, its time constant, s, and whether it averages amplitudes alone.
+            reading, see `damping.effects.moving.swept_receptance`; begun: start, 0 long before the first row of each
+            sweep, 1 at it from a dwell; held: force between rows, 0 changing evenly, 1 that of the row reached;
+            averaging: of a detector, its time constant, s, and whether it averages amplitudes alone.
     """
 
     M: Floats

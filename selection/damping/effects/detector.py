@@ -44,10 +44,8 @@ def averaged(x: ComplexArray, time: Floats, rate: Floats, drive: Drive, begun: F
     long = sum(share * x * x / (x + age * T * by_time) for age, share in _AGES)
     start = np.asarray(long + begun * (x - long))
     decay = np.where(parted, 0.0, np.exp(-h / T))
-    y, kept = np.array(start), np.zeros(start.shape)
-    y[..., 1:], kept[..., 1:] = np.where(parted, start[..., 1:], after - decay * before), decay
-    accumulate(y, kept)
-    return y[..., np.argsort(order)]
+    further = np.where(parted, start[..., 1:], after - decay * before)
+    return accumulate(start[..., :1], further, decay)[..., np.argsort(order)]
 
 
 def _list_slopes(x: ComplexArray, h: FloatArray, parted: BoolArray) -> ComplexArray:

@@ -20,14 +20,7 @@ from damping.effects.contract import Effect, Form, FormVariable, Terms
 from damping.effects.scales import Scales
 from damping.effects.simulated import instead_form, less_forms
 from damping.forces.contract import Force, Joint, spread
-from damping.forces.joints import (
-    Coulomb,
-    CubicStiffness,
-    PowerStiffness,
-    Slip,
-    SlippingForce,
-    lose_stiffness,
-)
+from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip, SlippingForce, lose_stiffness
 from damping.forces.powers import (
     Displacement,
     DisplacementVelocity,

@@ -4,7 +4,7 @@ A measured row is the phasor A exp(-i phi) under the force F. The prediction is 
 
     Z(A, omega) = M (omega_n^2 - omega^2) + (S + i C)/A              parameters and forces
     H = 1/Z, or (H_1 + t H_2)/(1 + t), H_2 = 1/(Z_2 + Delta K)       a second principal plane (3.1.24-3.1.35)
-    hurried(Z)                                                       a frequency that moves: the motion lags behind
+    swept_receptance(Z)                                              a frequency that moves: the motion lags behind
     H + R                                                            residual compliance of other modes (3.1.18)
     read(gain exp(-i lag) H F)                                       instruments, and loss of force
 
@@ -23,7 +23,7 @@ import numpy as np
 from damping.arrays import ComplexArray, FloatArray, Floats, differs, join_complex, of_every
 from damping.effects.contract import Drive, Instrument, Terms, add_parts
 from damping.effects.detector import detect
-from damping.effects.moving import hurried
+from damping.effects.moving import swept_receptance
 from damping.forces.contract import Force
 
 NEAREST = 1e-6  #: least detuning of a row from resonance, relative to omega^2: less than any tolerance
@@ -198,13 +198,13 @@ def _list_paths(
 ) -> tuple[tuple[ComplexArray, ...], list[tuple[ComplexArray, ComplexArray]]]:
     """Displacement per force of each plane at its amplitude; derivatives of its ln by Z, and of Z by ln A."""
     Z, slope = _add_forces(still, terms.forces, amplitudes[0], drive)
-    H, per_Z = hurried(Z, terms, drive)
+    H, per_Z = swept_receptance(Z, terms, drive)
     if terms.plane is None:
         return (H,), [(per_Z, slope)]
     t, _, in_both, damping = terms.plane
     Z, other = _add_forces(still, terms.forces if in_both else terms.viscous, amplitudes[1], drive)
     Z, other = Z.real + 1j * damping * Z.imag, other.real + 1j * damping * other.imag
-    second, of_second = hurried(Z + stiffer, terms, drive)
+    second, of_second = swept_receptance(Z + stiffer, terms, drive)
     return (H / (1.0 + t), t * second / (1.0 + t)), [(per_Z, slope), (of_second, other)]
 
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -23,44 +24,43 @@ def list_array_series(
     path: str | Path, kind: str, stated: Stated, summary: Summary, max_size: int, rows: tuple[int, int] | None = None
 ) -> list[Series]:
     """Series of a file of named arrays or channels; ``rows`` as of ``read_arrays``."""
-    read_whole, first = partial(read_arrays, path, kind, max_size=max_size), rows[0] if rows else 0
-    read = partial(read_whole, rows=rows)
-    channels = kind in ("tdms", "lvm")
-    defaults = [] if channels else [name for names in NAMES["own"].values() for name in names]
-    contents = read(list(stated.columns.values()) or defaults)
-    if kind == "hdf5" and not contents.arrays:  # as of a controller, whose channels are read if no array is named
-        contents = read([])
-        channels = bool(contents.steps)
-    if channels and (contents.steps or stated.rate or kind == "lvm"):
+    read = partial(read_arrays, path, kind, max_size=max_size)
+    contents, are_channels = _read_contents(partial(read, rows=rows), kind, stated)
+    if are_channels and (contents.steps or stated.rate or kind == "lvm"):
         return list_channels(contents, stated, summary)
-    names = {} if channels and not stated.columns else _name_arrays(contents, stated)
+    names = {} if are_channels and not stated.columns else _name_arrays(contents, stated)
     if further := [name for name in names.values() if name not in contents.arrays]:
-        contents = contents.join(read(further))
-    if stated.rate is not None and set(ABSCISSAS) & set(names):
+        contents = contents.join(read(further, rows=rows))
+    needs_abscissa = names.keys().isdisjoint(ABSCISSAS)
+    if stated.rate is not None and not needs_abscissa:
         raise InputError("--rate beside an array of times or frequencies", expected="one of them")
     main = next((names[role] for role in ("response", "amplitude", "x") if role in names), "")
-    usual = {} if set(names) & set(ABSCISSAS) else find_abscissa(contents.known, main)
+    usual = find_abscissa(contents.known, main) if needs_abscissa else {}
     require_response(names | usual, contents.known, stated, many=kind == "hdf5")
-    if names.keys().isdisjoint(ABSCISSAS):
-        signal = contents.arrays[main][0]
-        if stated.rate is None:
-            sampled = _find_sampled(read_whole, signal, main, contents.known, first)
-        else:
-            if sampling := [array for array in contents.known if last_name(array) in SAMPLING]:
-                summary.note(f"--rate {stated.rate:g} is stated, beside {', '.join(sampling[:4])} in the file")
-            sampled = "time", f"--rate {stated.rate:g}", list_times("fs", stated.rate, max(signal.shape), first), ""
-        if sampled is not None:
-            role, name, values, text = sampled
-            names, contents = names | {role: name}, contents.join(Arrays({name: [values]}, {name: text}, {}, {}))
-        elif usual:
-            names, contents = names | usual, contents.join(read(list(usual.values())))
+    even = _find_even_abscissa(read, contents, main, stated, summary) if needs_abscissa else None
+    if even is not None:
+        role, name, values, text = even
+        names, contents = names | {role: name}, contents.join(Arrays({name: [values]}, {name: text}, {}, {}))
+    elif usual:
+        names, contents = names | usual, contents.join(read(list(usual.values()), rows=rows))
     units = {role: contents.units.get(name, "") for role, name in names.items()}
     headers = {role: ColumnHeader(f"{names[role]} {text}".strip(), names[role], text) for role, text in units.items()}
     require_linear(headers)
     for role, name in names.items():
-        _add_array(role, name, contents.arrays[name], stated, summary)
+        _describe_array(role, name, contents.arrays[name], stated, summary)
     note_unheeded_units(names, stated, summary)
-    return _list_each(names, contents.arrays, read_facts(headers, stated), Path(path).stem, summary)
+    return _list_sweeps(names, contents.arrays, read_facts(headers, stated), Path(path).stem, summary)
+
+
+def _read_contents(read: Callable[[Sequence[str]], Arrays], kind: str, stated: Stated) -> tuple[Arrays, bool]:
+    """The stated arrays of a file, else those with the name of a role, or all channels; whether it is of channels."""
+    are_channels = kind in ("tdms", "lvm")
+    usual = [] if are_channels else list(chain.from_iterable(NAMES["own"].values()))
+    contents = read(list(stated.columns.values()) or usual)
+    if kind == "hdf5" and not contents.arrays:  # as of a controller, whose channels are read if no array is named
+        contents = read([])
+        are_channels = bool(contents.steps)
+    return contents, are_channels
 
 
 def _name_arrays(contents: Arrays, stated: Stated) -> dict[str, str]:
@@ -70,20 +70,20 @@ def _name_arrays(contents: Arrays, stated: Stated) -> dict[str, str]:
     """
     arrays, known = contents.arrays, contents.known
     if not stated.columns:
-        if names := {role: name for role, by_role in NAMES["own"].items() for name in by_role if name in arrays}:
-            return names
-        groups = "damping campaign, which reads a group for each run, or " * any("/" in name for name in known)
-        expected = f"{groups}--column ROLE=NAME; it has {_has(known)}"
+        if usual := {role: name for role, of_role in NAMES["own"].items() for name in of_role if name in arrays}:
+            return usual
+        groups = "damping campaign, which reads a group for each run, or " if any("/" in name for name in known) else ""
+        expected = f"{groups}--column ROLE=NAME; it has {_list_known(known)}"
         raise InputError("no array has the name of a role", expected=expected)
-    names = {role: _find_whole_name(name, arrays) for role, name in stated.columns.items()}
+    names = {role: _find_path(name, arrays) for role, name in stated.columns.items()}
     if (missing := next((name for name in names.values() if name not in arrays), None)) is not None:
-        raise InputError(f"no array {describe_shortened(missing)!r}", expected=_has(known))
+        raise InputError(f"no array {describe_shortened(missing)!r}", expected=_list_known(known))
     if names.keys().isdisjoint(ABSCISSAS) and not stated.rate:
         names |= {role: role for role in ABSCISSAS if known.get(role)}
     return names
 
 
-def _add_array(role: str, name: str, arrays: Sequence[Samples], stated: Stated, summary: Summary) -> None:
+def _describe_array(role: str, name: str, arrays: Sequence[Samples], stated: Stated, summary: Summary) -> None:
     """Say in the summary which array has a role, and its shape."""
     shape = " x ".join(str(n) for n in arrays[0].shape) or "1"
     many = f"{len(arrays)} of " if len(arrays) > 1 else ""
@@ -91,36 +91,42 @@ def _add_array(role: str, name: str, arrays: Sequence[Samples], stated: Stated, 
     summary.add(f"array {describe_shortened(name)!r}", f"{role}: {ROLES[role]} ({many}{shape})", source)
 
 
-def _find_whole_name(name: str, arrays: Mapping[str, Any]) -> str:
+def _find_path(name: str, arrays: Mapping[str, Any]) -> str:
     """The path of an array that is named by its last part, if there is one alone; else the name."""
     ends = [path for path in arrays if path.split("/")[-1] == name]
     return ends[0] if len(ends) == 1 and name not in arrays else name
 
 
-def _find_sampled(
-    read: Callable[[Sequence[str]], Arrays], signal: Samples, main: str, known: Shapes, first: int
+def _find_even_abscissa(
+    read: Callable[[Sequence[str]], Arrays], contents: Arrays, main: str, stated: Stated, summary: Summary
 ) -> tuple[str, str, FloatArray, str] | None:
-    """Role, name, values and unit of an even abscissa, by a number in the file near the array ``main``; None: none is.
+    """Role, name, values, unit of an even abscissa: by ``--rate``, else by a number near the array ``main``; or None.
 
-    Of a complex response it is the frequency, by its increment. ``first``: sample with which the signal begins.
+    Of a complex response it is the frequency, by its increment.
     """
-    kinds = NAMES["rate"]["increment"] if np.iscomplexobj(signal) else SAMPLING
+    signal, known, first = contents.arrays[main][0], contents.known, contents.first
+    length, is_spectrum = max(signal.shape, default=1), np.iscomplexobj(signal)
+    if stated.rate is not None:
+        if sampling := [array for array in known if last_name(array) in SAMPLING]:
+            summary.note(f"--rate {stated.rate:g} is stated, beside {', '.join(sampling[:4])} in the file")
+        return "time", f"--rate {stated.rate:g}", list_times("fs", stated.rate, length, first), ""
+    kinds = NAMES["rate"]["increment"] if is_spectrum else SAMPLING
     name = find_nearest([one for one in known if math.prod(known[one]) == 1 and last_name(one) in kinds], main)
     if name is None:
         return None
-    names, is_increment = [name], last_name(name) in NAMES["rate"]["increment"]
-    beside = [one for one in known if is_increment and split(one)[:-1] == split(name)[:-1]]
-    names += [one for one in beside if last_name(one) in NAMES["rate"]["start"]]
-    numbers = read(names)
-    step, start = (float(numbers.arrays[one][0].real.reshape(-1)[0]) for one in (name, names[-1]))
-    role, text = "frequency" if np.iscomplexobj(signal) else "time", numbers.units.get(name, "")
+    beside = [one for one in known if split(one)[:-1] == split(name)[:-1]]
+    starts = [one for one in beside if last_name(one) in NAMES["rate"]["start"]]
+    starts = starts if last_name(name) in NAMES["rate"]["increment"] else []
+    numbers = read([name, *starts])
+    step, *origins = (float(numbers.arrays[one][0].real.reshape(-1)[0]) for one in [name, *starts])
+    text = numbers.units.get(name, "")
     if last_name(name) in NAMES["rate"]["rate"]:
         step, text = step * ABSCISSAS["frequency"].get(text.lower(), 1.0), ""
-    values = list_times(name, step, max(signal.shape, default=1), first)
-    return role, name, (start if len(names) > 1 else 0.0) + values, text
+    values = list_times(name, step, length, first)
+    return "frequency" if is_spectrum else "time", name, (origins[-1] if origins else 0.0) + values, text
 
 
-def _list_each(
+def _list_sweeps(
     names: Mapping[str, str], arrays: Mapping[str, list[Samples]], facts: FileFacts, stem: str, summary: Summary
 ) -> list[Series]:
     """Series from arrays; a role has one array for each sweep, or a single one for all."""
@@ -154,21 +160,19 @@ def list_channels(contents: Arrays, stated: Stated, summary: Summary) -> list[Se
     asked = stated.columns.get("response")
     names = [name for name in contents.arrays if asked in (None, name) or name.split("/")[-1] == asked]
     if not names:
-        raise InputError(f"no channel {describe_shortened(asked or '')!r}", expected=_has(contents.known))
-    for name in names:
-        if name not in contents.steps and stated.rate is None:
-            raise InputError(f"channel {name!r} has no time step", expected="--rate HZ, or --column response=NAME")
-        if stated.rate and (step := contents.steps.get(name, (0.0, 0.0))[1]):
-            summary.note(f"--rate {stated.rate:g} is stated, beside a step of {step:g} s in the file")
-        description = f"{contents.arrays[name][0].size} samples, step {_find_step(name, contents, stated)[1]:g} s"
+        raise InputError(f"no channel {describe_shortened(asked or '')!r}", expected=_list_known(contents.known))
+    steps = {name: _find_step(name, contents, stated) for name in names}
+    for name, (_, step) in steps.items():
+        if stated.rate and (own := contents.steps.get(name, (0.0, 0.0))[1]):
+            summary.note(f"--rate {stated.rate:g} is stated, beside a step of {own:g} s in the file")
+        description = f"{contents.arrays[name][0].size} samples, step {step:g} s"
         summary.add(f"channel {describe_shortened(name)!r}", description, "found in the file")
     kinds = {find_powers(contents.units[name]) for name in names if name in contents.units and not stated.units}
     if len(kinds) > 1:
         listed = ", ".join(f"{name} ({contents.units.get(name, 'no unit')})" for name in names[:8])
         raise InputError(f"channels of several kinds: {listed}", expected="--column response=NAME")
     series = []
-    for name in names:
-        start, step = _find_step(name, contents, stated)
+    for name, (start, step) in steps.items():
         values = np.asarray(contents.arrays[name][0], dtype=np.float64).reshape(-1)
         facts = FileFacts(units={"response": contents.units[name]} if name in contents.units else {})
         t = np.arange(contents.first, contents.first + len(values), dtype=np.float64)
@@ -179,11 +183,13 @@ def list_channels(contents: Arrays, stated: Stated, summary: Summary) -> list[Se
 
 
 def _find_step(name: str, contents: Arrays, stated: Stated) -> tuple[float, float]:
-    """Start and step of a channel, s; a stated rate takes precedence."""
+    """Start and step of a channel, s; a stated rate takes precedence. InputError: there is neither."""
+    if name not in contents.steps and stated.rate is None:
+        raise InputError(f"channel {name!r} has no time step", expected="--rate HZ, or --column response=NAME")
     start, step = contents.steps.get(name, (0.0, 0.0))
     return start, step if stated.rate is None else 1.0 / stated.rate
 
 
-def _has(known: Shapes) -> str:
+def _list_known(known: Shapes) -> str:
     listed = ", ".join(f"{name} ({' x '.join(map(str, shape)) or '1'})" for name, shape in list(known.items())[:12])
     return listed or "arrays of numbers"

@@ -99,8 +99,7 @@ def _run_worker(path: str | Path, kind: str, words: Sequence[str]) -> tuple[dict
             reason = (done.stderr.decode(errors="replace").strip().splitlines() or ["the reader broke off"])[-1]
             raise InputError(f"cannot be read ({describe_shortened(reason, 120)})", file=path, expected=whole)
         answer, arrays = json.loads(head), dict[str, list[Samples]]()
-        for name, form, shape in answer["loaded"]:
-            dtype = np.complex128 if form == "complex" else np.float64
+        for name, dtype, shape in answer["loaded"]:
             values = np.fromfile(output, dtype=dtype, count=math.prod(shape))
             arrays.setdefault(name, []).append(values.reshape(shape))
     if answer["problem"]:

@@ -9,14 +9,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from damping.errors import InputError
-from damping.formats.headers import (
-    NAMES,
-    ColumnHeader,
-    describe_angle,
-    is_in_decibels,
-    parse_header,
-    refuse_decibels,
-)
+from damping.formats.headers import NAMES, ColumnHeader, describe_angle, is_in_decibels, parse_header, refuse_decibels
 from damping.formats.quantity import find_powers
 from damping.formats.roles import find_stated, recognise
 from damping.formats.sampling import split

@@ -8,15 +8,7 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, wrap_lag
 from damping.errors import InputError, naming
-from damping.formats.conversion import (
-    Conversion,
-    Statements,
-    ask,
-    conversion,
-    deviation_factor,
-    other_factor,
-    scaling,
-)
+from damping.formats.conversion import Conversion, Statements, ask, conversion, deviation_factor, other_factor, scaling
 from damping.formats.quantity import SYSTEMS
 from damping.formats.series import Samples, Series, Stated, Summary
 from damping.records.record import Record, find_problems

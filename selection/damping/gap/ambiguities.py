@@ -9,13 +9,8 @@ from damping.records.text import per_cent
 
 def list_ambiguities(fit: ModelFit) -> list[str]:
     """Every caution of this module about a fit."""
-    return [
-        *describe_gain(fit),
-        *describe_rig(fit),
-        *describe_slope(fit),
-        *describe_shortfall(fit),
-        *describe_spring(fit),
-    ]
+    causes = (describe_gain, describe_rig, describe_slope, describe_shortfall, describe_spring)
+    return [caution for describe in causes for caution in describe(fit)]
 
 
 def describe_gain(fit: ModelFit) -> list[str]:

@@ -25,15 +25,12 @@ from damping.progress import Progress, silent, unknown_length
 from damping.records.mode import Mode
 
 ALIKE = 1.0  #: in ln evidence, a factor of three: targets of one effect that close are told together
-#: Number of draws behind each interval; content of every interval of a diagnosis.
-_DRAWS = 400
-CONTENT = 0.9
+_DRAWS = 400  #: number of draws behind each interval
+CONTENT = 0.9  #: content of every interval of a diagnosis
 #: Most densities of one row for chains: about ten seconds of processor time. Ordinary explanations need a twentieth.
 _WORK = 6e7
-#: A best fit is at the end of its range beyond this distance from the prior mean (in standard deviations), or beyond
-#: this share of the largest strength.
-_FAR = 2.5
-_FULL = 0.9
+_FAR = 2.5  #: a best fit is at the end of its range beyond this distance from the prior mean, in standard deviations
+_FULL = 0.9  #: a strength beyond this share of its largest value is at the end of its range too
 #: Effects whose shape tends, at its upper end, to another of their forms: a compression of large power is a hard clip.
 _CLIPS = {"sensor-saturation"}
 #: A simulated damping force below this share of itself counts as absent: its tolerance is of this order at best.

@@ -31,15 +31,12 @@ from damping.gap.unknowns import CLIP
 ALARM = 0.003
 #: Most missing forces that an explanation may blame; more can imitate a law that is not in the library.
 MOST_FORCES = 2
-#: Splines of stiffness, and of damping, with amplitude.
-SPLINES = 6
+SPLINES = 6  #: splines of stiffness, and of damping, with amplitude
 _WINDOWS = (4, 8, 16)  #: rows in a window of frequency
 #: The family of a natural frequency (relative change) and a damping ratio that change with amplitude in free form.
 FREE = "stiffness and damping with amplitude"
-#: Spline combinations with less than this share of the information of the best determined one are left out; no curve
-#: is drawn where they make more than a tenth of it.
-_SEEN = 1e-4
-_MOST_UNSEEN = 0.1
+_SEEN = 1e-4  #: least information of a spline combination that is kept, over that of the best determined one
+_MOST_UNSEEN = 0.1  #: largest share of a curve in combinations left out at which it is drawn
 _STEP = 1e-4  #: step of a fitted variable (prior standard deviation 1) for the slope of a curve
 _DRAWN = 80  #: Amplitudes at which a curve of free form is drawn.
 
@@ -59,8 +56,8 @@ class Test:
 def directed_tests(fit: ModelFit) -> list[Test]:
     """All tests of the residuals of a fit, in no particular order."""
     white = _whiten(fit)
-    tests = [_linear(white, name, _whiten_columns(columns, fit)) for name, columns in list_columns(fit).items()]
-    return [*tests, _windows(white), _neighbours(white)]
+    tests = [_test_columns(white, name, _whiten_columns(columns, fit)) for name, columns in list_columns(fit).items()]
+    return [*tests, _test_windows(white), _test_neighbours(white)]
 
 
 def _whiten(fit: ModelFit) -> ModelFit:
@@ -109,7 +106,7 @@ def motion(fit: ModelFit) -> FloatArray:
     return fit.model.problem.rows.u if fit.model.at is None else fit.model.at
 
 
-def _complex(shape: ComplexArray | FloatArray) -> ComplexArray:
+def _add_imaginary(shape: ComplexArray | FloatArray) -> ComplexArray:
     """Real and imaginary multiples of shapes (k, n): (2 k, n)."""
     return np.concatenate([shape, 1j * shape])
 
@@ -130,10 +127,10 @@ def list_columns(fit: ModelFit) -> dict[str, FloatArray]:
         "stiffness with amplitude": stiffness,
         "damping with amplitude": damping,
         FREE: np.concatenate([stiffness, damping]),
-        "second path": columns(_complex(compliance)),
+        "second path": columns(_add_imaginary(compliance)),
         "gain with amplitude": columns(gain.astype(complex)),
-        "instrument with amplitude": columns(_complex(gain)),
-        "instrument with frequency": columns(_complex(basis(rows.omega, 6))),
+        "instrument with amplitude": columns(_add_imaginary(gain)),
+        "instrument with frequency": columns(_add_imaginary(basis(rows.omega, 6))),
         "drift": columns(np.concatenate([time * by_frequency, time.astype(complex)])),
     }
 
@@ -148,7 +145,7 @@ def information(fit: ModelFit, D: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.asarray(M), np.asarray(g)
 
 
-def _linear(fit: ModelFit, name: str, D: FloatArray) -> Test:
+def _test_columns(fit: ModelFit, name: str, D: FloatArray) -> Test:
     norms = np.sqrt(np.sum(D**2 * fit.weights, axis=1))
     seen = norms > 1e-9 * norms.max()
     M, g = information(fit, D[seen] / norms[seen, np.newaxis])
@@ -159,7 +156,7 @@ def _linear(fit: ModelFit, name: str, D: FloatArray) -> Test:
     return Test(name, gain, freedom, float(chdtrc(freedom, gain)) if freedom else 1.0)
 
 
-def _windows(fit: ModelFit) -> Test:
+def _test_windows(fit: ModelFit) -> Test:
     """The most disturbed window of frequency over all sweeps; window sums are nearly normal."""
     rows = fit.model.problem.rows
     quantities = 1 + rows.has_phase
@@ -184,7 +181,7 @@ def _windows(fit: ModelFit) -> Test:
     return Test("local disturbance", best**2, 1, float(min(1.0, tried * p)))
 
 
-def _neighbours(fit: ModelFit) -> Test:
+def _test_neighbours(fit: ModelFit) -> Test:
     """Whether residuals of neighbours along a sweep, where both are measured, are positively correlated."""
     r = np.clip(fit.r, -CLIP, CLIP)
     product = (r[1:] * r[:-1])[fit.model.problem.rows.follows[1:]]

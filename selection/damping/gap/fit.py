@@ -16,34 +16,27 @@ from damping.arrays import BoolArray, FloatArray
 from damping.gap.model import Model
 from damping.gap.outliers import OUTLIER_WEIGHT, find_pattern, log_likelihood, robust_weights
 
-#: Most steps. A fit has converged where -ln(posterior) decreases by less than this, plus a share of its excess over
-#: noise: for first fits, which find the same modes as at a hundredth of that share, and for polished ones.
-_MOST_STEPS = 40
-_SETTLED = 0.01
-_ROUGHLY = 1e-2
-_FINELY = 1e-3
-#: Least promised gain in ln p of a step; least damping after a bad step, since less changes nothing; damping at which a
-#: fit stops.
-_NOTHING = 1e-3
-_DAMPED = 0.1
-_STUCK = 1e3
-#: Damping (Marquardt's lambda) at the start, and its factors after a good and after a bad step.
-_FIRST_DAMPING = 1e-2
-_EASED = 0.2
-_STIFFENED = 8.0
+_MOST_STEPS = 40  #: most steps of a fit
+_SETTLED = 0.01  #: a fit has converged where a step lowers -ln(posterior) by less than this plus a share of its excess
+_ROUGHLY = 1e-2  #: that share of first fits, of the excess over noise: a hundredth of it finds the same modes
+_FINELY = 1e-3  #: that share of polished fits
+_NOTHING = 1e-3  #: least promised gain in ln p of a step
+_FIRST_DAMPING = 1e-2  #: damping (Marquardt's lambda) at the start
+_EASED = 0.2  #: factor on the damping after a good step
+_STIFFENED = 8.0  #: factor on the damping after a bad step
+_DAMPED = 0.1  #: least damping after a bad step: less changes nothing
+_STUCK = 1e3  #: damping at which a fit stops
 #: Largest change of a variable (prior standard deviation 1) in one step, beyond which residuals are far from linear.
 _LONGEST_STEP = 1.5
 #: With more sweeps, their deviations, two of each, are eliminated sweep by sweep; with fewer, one dense solution is a
 #: tenth faster.
 _MANY = 24
 _FAR_OFF = 1.5  #: robust scale of the residuals, over that of noise, from which a fit is far off
-#: Number of starts tried, those of least cost; after ``_PATIENCE`` steps only ``_SURVIVORS`` go on,
-_TRIED = 4
-_PATIENCE = 5
-_SURVIVORS = 2
-#: ... whose cost is at most the best times the first plus the second; the second also bounds ln p behind the best mode.
-_HOPELESS = 1.3
-_BEHIND = 15.0
+_TRIED = 4  #: most starts tried, those of least cost
+_PATIENCE = 5  #: steps after which only the best starts go on
+_SURVIVORS = 2  #: most starts that go on
+_HOPELESS = 1.3  #: a start goes on if its cost is at most the best times this plus ``_BEHIND``
+_BEHIND = 15.0  #: largest distance behind the best mode in ln p of a mode that is kept
 _DIFFERENT = 0.5  #: least difference of two modes of the same parts, in standard deviations of a variable
 
 
@@ -110,7 +103,7 @@ def fit_roughly(
 ) -> list[ModelFit]:
     """`fit_model` with predictions at measured amplitudes; empty if all stay far behind a ln posterior ``rival``."""
     deviations = np.zeros((len(x), 2 * model.sweeps)) if z is None else z
-    weights = _regular(model) if weights is None else weights
+    weights = _weigh_peaks(model) if weights is None else weights
     y, r, J = _climb(model, np.concatenate([x, deviations], axis=1), weights, -rival)
     return _list_distinct([_fit(model, y[k], r[k], J[k], weights) for k in range(len(y))])
 
@@ -120,7 +113,7 @@ def polish_fits(rough: list[ModelFit], weights: FloatArray | None = None) -> lis
     fits = []
     for fit in rough:
         model = fit.model.at_motion(fit.y)
-        fixed = _regular(model) if weights is None else weights
+        fixed = _weigh_peaks(model) if weights is None else weights
         y, r, J = _climb(model, fit.y[np.newaxis].copy(), fixed, share=_FINELY)
         fits.append(_fit(model, y[0], r[0], J[0], fixed))
     return _list_distinct(fits)
@@ -135,7 +128,7 @@ def drop_effect(fit: ModelFit, name: str) -> tuple[Model, FloatArray, FloatArray
     return replace(model, parts=parts, at=None), x, y[:, model.size :]
 
 
-def _regular(model: Model) -> FloatArray | None:
+def _weigh_peaks(model: Model) -> FloatArray | None:
     """Weights of 1 for peaks alone, since any simulation fits the three that two outliers would leave; else None."""
     rows = model.problem.rows
     return np.ones(rows.measured.size) if rows.of_peaks else None

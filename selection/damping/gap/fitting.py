@@ -5,7 +5,7 @@ The evidence penalises every free shape and strength of a hypothesis (MacKay 199
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import chain, product
+from itertools import chain
 from typing import Any, Self
 
 import numpy as np
@@ -15,7 +15,7 @@ from damping.arrays import BoolArray
 from damping.effects import list_forms
 from damping.effects.contract import Effect, Form
 from damping.gap.fit import ModelFit, drop_effect, fit_roughly, polish_fits
-from damping.gap.hypotheses import NEAR, Hypothesis, Start, at_gap, choose_forms, list_starts
+from damping.gap.hypotheses import NEAR, Hypothesis, Start, Starts, at_gap, choose_forms, list_starts
 from damping.gap.model import SPREAD, Problem
 from damping.gap.unknowns import Unknowns, marginalise_scatter
 from damping.progress import nothing
@@ -28,14 +28,12 @@ _CLOSE = 3.0  #: Another form of an effect whose ln evidence is within this is k
 #: scatter by per cents, the evidence estimated from a fit at the smallest scatter is too low by up to about 120.
 _WORTH = 200.0
 _LOST = 100.0  #: A fit farther behind the best in ln evidence is not polished at its own motion.
-#: Number of hypotheses fitted to another problem too: the most probable of all, and of those with one effect.
-_AGAIN = 8
-_AGAIN_SIMPLE = 3
-_LOST_AGAIN = 30.0  #: A hypothesis farther behind the best in ln p is not among the most probable of all.
+_MOST_REFITTED = 8  #: Most probable hypotheses that are fitted to another problem too.
+_MOST_SIMPLE = 3  #: Most probable hypotheses with one effect that are fitted to it as well.
+_LOST_REFITTED = 30.0  #: A hypothesis farther behind the best in ln p is not among the most probable of all.
 _STARTS = 4  #: Starts of each form that are fitted.
-#: Forms of one effect that are fitted, alone and beside others: those of the largest linear gain, none far behind.
-_MOST_FORMS = 8
-_MOST_FORMS_BESIDE = 3
+_MOST_FORMS = 8  #: Most forms of an effect alone that are fitted, those of the largest linear gain.
+_MOST_FORMS_BESIDE = 3  #: Most forms of an effect beside others that are.
 _MOST_BASES = 2  #: Modes of a hypothesis to which a further effect is added.
 _ROUGH = 1.5  #: From this misfit of the base, in units of noise, starts of other sizes are fitted too.
 _APART = 3.0  #: Deviation of a sweep, in units of repeatability, beyond which it hides something.
@@ -50,23 +48,19 @@ class Fits:
     effects: Mapping[str, Effect]
     unknown: Unknowns  #: candidates of scatter and noise
     hypotheses: dict[frozenset[str], Hypothesis] = field(default_factory=dict)  #: fitted ones, by effects
-    #: the strength of each form at which its gap equals the noise
-    units: dict[Form, float] = field(default_factory=dict)
+    units: dict[Form, float] = field(default_factory=dict)  #: strength of each form at which its gap equals the noise
     choices: int = 0  #: number of effects a further one is chosen from; if 0, the number that the record can show
     done: Callable[[str], None] = nothing  #: reports each hypothesis that was fitted
     forms: dict[str, tuple[Form, ...]] = field(init=False)  #: forms of each effect that the record can show
-    #: hypotheses that were extended by each effect
-    extended: dict[str, list[Hypothesis]] = field(init=False, default_factory=dict)
+    extended: dict[str, list[Hypothesis]] = field(init=False, default_factory=dict)  #: bases extended by each effect
 
     def __post_init__(self) -> None:
-        rows = self.problem.rows
+        rows, scales = self.problem.rows, self.problem.scales
         lacking = {"phase": not rows.has_phase, "sweep": rows.at_resonance, "third": "third" not in rows.channels}
         lacking["masses"] = not np.ptp(rows.added)
         lacking["beyond"] = lacking["third"] and lacking["masses"]
         asked = {name: effect for name, effect in self.effects.items() if not lacking.get(effect.need, False)}
-        self.forms = {
-            name: forms for name, effect in asked.items() if (forms := list_forms(effect, self.problem.scales))
-        }
+        self.forms = {name: forms for name, effect in asked.items() if (forms := list_forms(effect, scales))}
         self.choices = self.choices or len(self.forms)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -87,20 +81,20 @@ class Fits:
         self._restore(before)
         return self.hypotheses[again.key]
 
-    def again(self, problem: Problem, unknown: Unknowns, kept: BoolArray | None = None, larger: float = 1.0) -> Self:
+    def refit(self, problem: Problem, unknown: Unknowns, kept: BoolArray | None = None, larger: float = 1.0) -> Self:
         """The best hypotheses fitted to another problem, from their modes here; no other hypothesis is tried.
 
         Strengths keep their units, so priors do not change. ``kept``: rows of this problem that the other one has.
         ``larger``: factor on the variance of its noise, by which odds are smaller.
         """
-        other = type(self)(problem, self.effects, unknown, units=self.units, done=self.done)
-        ranked = self.ranked()
-        least = ranked[0].log_posterior - larger * _LOST_AGAIN
-        probable = [hypothesis for hypothesis in ranked[:_AGAIN] if hypothesis.log_posterior > least]
-        simple = [hypothesis for hypothesis in ranked if len(hypothesis.effects) == 1][:_AGAIN_SIMPLE]
-        worth = {hypothesis.key: hypothesis for hypothesis in (self.hypotheses[frozenset()], *simple, *probable)}
-        for hypothesis in sorted(worth.values(), key=lambda hypothesis: -hypothesis.log_posterior):
-            other.adopt(hypothesis, kept)
+        other, ranked = type(self)(problem, self.effects, unknown, units=self.units, done=self.done), self.ranked()
+        least = ranked[0].log_posterior - larger * _LOST_REFITTED
+        probable = [hypothesis for hypothesis in ranked[:_MOST_REFITTED] if hypothesis.log_posterior > least]
+        simple = [hypothesis for hypothesis in ranked if len(hypothesis.effects) == 1][:_MOST_SIMPLE]
+        keys = {frozenset(), *(hypothesis.key for hypothesis in (*simple, *probable))}
+        for hypothesis in ranked:
+            if hypothesis.key in keys:
+                other.adopt(hypothesis, kept)
         return other
 
     def adopt(self, hypothesis: Hypothesis, kept: BoolArray | None = None) -> None:
@@ -109,10 +103,10 @@ class Fits:
         ``kept``: rows of the other problem that this one has; all where None.
         """
         fits: list[ModelFit] = []
+        rows = slice(None) if kept is None else kept
         for fit in hypothesis.near:
-            sweep = fit.model.problem.rows.sweep
-            sweeps = np.unique(sweep if kept is None else sweep[kept])
-            at = fit.model.at if kept is None or fit.model.at is None else fit.model.at[kept]
+            sweeps = np.unique(fit.model.problem.rows.sweep[rows])
+            at = None if fit.model.at is None else fit.model.at[rows]
             parts = tuple(replace(part, unit=self.units.get(part.form, part.unit)) for part in fit.model.parts)
             model = replace(fit.model, problem=self.problem, scatter=self.unknown.first, at=at, parts=parts)
             x = fit.y[np.newaxis, : model.size].copy()
@@ -127,35 +121,48 @@ class Fits:
         """All hypotheses, most probable first."""
         return sorted(self.hypotheses.values(), key=lambda hypothesis: -hypothesis.log_posterior)
 
-    def extend(
-        self, base: Hypothesis, name: str, candidates: list[list[Start]] | None = None, rival: float = -np.inf
-    ) -> None:
-        """Fit a hypothesis with one more effect, from the best starts of each of its forms.
+    @property
+    def leading(self) -> Hypothesis:
+        """The most probable hypothesis."""
+        return self.ranked()[0]
+
+    def extend(self, base: Hypothesis, name: str, starts: Starts | None = None, rival: float = -np.inf) -> None:
+        """Fit a hypothesis with one more effect, from the best ``starts`` of each of its forms.
 
         It is given up where first fits stay far behind a ln posterior ``rival`` of another.
         """
         self.extended.setdefault(name, []).append(base)
-        candidates = candidates or list_starts(base.plain, self.forms[name], self.units)
-        rough = float(np.sqrt(np.mean(base.plain.measured**2)))
+        misfit = float(np.sqrt(np.mean(base.plain.measured**2)))
         if np.any(np.abs(base.plain.y[base.plain.model.size :]) > _APART):
-            rough = max(rough, _ROUGH * _APART)  # outlying sweeps can hide a gap in their deviations
-        promising = choose_forms(candidates, _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS, rough > _ROUGH)
+            misfit = max(misfit, _ROUGH * _APART)  # outlying sweeps can hide a gap in their deviations
+        most = _MOST_FORMS_BESIDE if base.effects else _MOST_FORMS
         fits: list[ModelFit] = []
-        for tried, fit in product(promising, base.near[:_MOST_BASES]):
-            fits += self._fits(fit, tried, rough, base, max([rival, *(mode.log_posterior for mode in fits)]))
+        for of_form in choose_forms(starts or self.list_starts(base, name), most, misfit > _ROUGH):
+            for fit in base.near[:_MOST_BASES]:
+                rival = max([rival, *(mode.log_posterior for mode in fits)])
+                fits += self._fit_form(fit, of_form, misfit, rival)
         if fits:
             top = max(fit.log_evidence for fit in fits)
-            worth = [fit for fit in fits if fit.log_evidence > top - _CLOSE_MODES]
+            close = [fit for fit in fits if fit.log_evidence > top - _CLOSE_MODES]
             known = max(hypothesis.log_evidence for hypothesis in self.hypotheses.values())
-            if worth := polish_fits(worth) if top > known - _LOST else worth:  # polishing may lose the motion
-                self._store((*base.effects, name), worth)
+            if close := polish_fits(close) if top > known - _LOST else close:  # polishing may lose the motion
+                self._store((*base.effects, name), close)
 
-    def improve(self, base: Hypothesis, name: str, candidates: list[list[Start]] | None = None) -> None:
+    def list_starts(self, base: Hypothesis, name: str) -> Starts:
+        """Starts of one more effect beside those of a hypothesis, for each of its forms."""
+        return list_starts(base.plain, self.forms[name], self.units)
+
+    def extend_once(self, base: Hypothesis, name: str, starts: Starts | None = None, rival: float = -np.inf) -> None:
+        """`extend`, unless these effects together have been fitted already."""
+        if base.key | {name} not in self.hypotheses:
+            self.extend(base, name, starts, rival)
+
+    def improve(self, base: Hypothesis, name: str, starts: Starts | None = None) -> None:
         """`extend`, unless an earlier fit of the same effects is as probable, or would be repeated."""
         if any(base is before for before in self.extended.get(name, ())):
             return
         earlier = self.hypotheses.get(base.key | {name})
-        self.extend(base, name, candidates)
+        self.extend(base, name, starts)
         self._restore(earlier)
 
     def _restore(self, earlier: Hypothesis | None) -> None:
@@ -163,22 +170,25 @@ class Fits:
         if earlier and earlier.log_posterior >= self.hypotheses[earlier.key].log_posterior:
             self.hypotheses[earlier.key] = earlier
 
-    def _fits(self, fit: ModelFit, tried: list[Start], rough: float, base: Hypothesis, rival: float) -> list[ModelFit]:
-        """Modes of a fit's model with one more form; none where all are far behind a ln posterior ``rival``."""
-        starts = [start.x for start in tried[:_STARTS]]
-        if rough > _ROUGH:
-            starts += [at_gap(start, rough * by) for start in tried[:2] for by in (0.3, 1.0, 3.0)]
-            starts += [at_gap(start, size / start.part.unit) for start in tried[:2] for size in start.part.form.sizes]
-        head = fit.y[: fit.model.size] if base.effects else np.zeros(fit.model.size)
-        x = np.array([np.concatenate([head, start]) for start in starts])
-        parts = (*fit.model.parts, tried[0].part)
+    def _fit_form(self, fit: ModelFit, starts: list[Start], misfit: float, rival: float) -> list[ModelFit]:
+        """Modes of a fit's model with one more form; none where all are far behind a ln posterior ``rival``.
+
+        ``misfit``: of the fit, in units of noise.
+        """
+        tried = [start.x for start in starts[:_STARTS]]
+        if misfit > _ROUGH:
+            tried += [at_gap(start, misfit * by) for start in starts[:2] for by in (0.3, 1.0, 3.0)]
+            tried += [at_gap(start, size / start.part.unit) for start in starts[:2] for size in start.part.form.sizes]
+        before = fit.y[: fit.model.size] if fit.effects else np.zeros(fit.model.size)
+        x = np.array([np.concatenate([before, own]) for own in tried])
+        parts = (*fit.model.parts, starts[0].part)
         models = [replace(fit.model, parts=parts, at=None)]
         if not models[0].terms(x[:1]).linear:
-            forms = [(i, part.form.twin) for i, part in enumerate(parts) if part.form.twin]
-            twins = [(*parts[:i], replace(parts[i], form=twin), *parts[i + 1 :]) for i, twin in forms]
-            models += [replace(models[0], parts=twin) for twin in twins]
+            for i, form in [(i, part.form.twin) for i, part in enumerate(parts) if part.form.twin]:
+                twin = replace(parts[i], form=form)
+                models.append(replace(models[0], parts=(*parts[:i], twin, *parts[i + 1 :])))
         z = np.zeros((len(x), 2 * fit.model.sweeps))
-        if base.effects:  # the fitted deviations of the sweeps may hold beside one more effect, or hide its gap
+        if fit.effects:  # the fitted deviations of the sweeps may hold beside one more effect, or hide its gap
             rival = max(rival, fit.log_posterior)
             x, z = np.concatenate([x, x]), np.concatenate([z, z + fit.y[fit.model.size :]])
         return list(chain.from_iterable(fit_roughly(model, x, z, rival=rival) for model in models))

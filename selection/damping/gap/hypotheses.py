@@ -1,4 +1,4 @@
-"""Fitted hypotheses, the ways to further ones, and the order in which those are tried.
+"""Fitted hypotheses, additions of effects to them, and the order in which combinations are tried.
 
 The derivative of the residuals by a further effect, at an existing fit, gives its start values and its linear gain.
 """
@@ -23,22 +23,18 @@ NEAR = 4.0  #: A hypothesis within these log odds of the most probable one is ne
 FITTING = 1.6
 _MOST_FIRST = 4  #: Combinations with bases that leave only noise that are tried before others.
 _MOST_OF_A_BASE = 4  #: Combinations with one base that are tried before those with others.
-#: Strength, as a share of its natural size, for the derivative by an effect; ln of a strength that is practically zero.
-_SMALL = 1e-3
-_NONE = -60.0
+_SMALL = 1e-3  #: Strength, as a share of its natural size, for the derivative by an effect.
+_NONE = -60.0  #: ln of a strength that is practically zero.
 #: Standard normal variables of the strength from which forms that replace something are started, (sizes, 1).
 _SIZES = np.array([[0.0], [-1.2], [1.2], [-2.4], [2.4]])
-#: Range of start values of the gap that an effect opens, in units of noise; its upper end for given gaps.
-_LOW = 0.3
-_HIGH = 60.0
-_FARTHEST = 3000.0
+_LOW = 0.3  #: Smallest start value of the gap that an effect opens, in units of noise.
+_HIGH = 60.0  #: Largest start value of that gap by the linear gain.
+_FARTHEST = 3000.0  #: Largest start value of that gap where it is given.
 #: First-order gap of the natural strength, in units of noise, below which an effect has no first-order gap.
 _UNSEEN_GAP = 1e-3
-#: A form is worth a fit if its linear gain exceeds this share of the largest, less ``SURE``; where the base fits nearly
-#: to the noise, also ``_SLIGHT``.
-_FAR = 0.2
-SURE = 50.0
-_SLIGHT = 0.2
+_FAR = 0.2  #: A form is worth a fit if its linear gain exceeds this share of the largest, less ``SURE``.
+SURE = 50.0  #: Difference in ln p that leaves no doubt, even between linear estimates.
+_SLIGHT = 0.2  #: Least linear gain of a form worth a fit where the base fits nearly to the noise.
 
 
 @dataclass(frozen=True)
@@ -48,6 +44,9 @@ class Start:
     part: Part
     x: FloatArray
     gain: float
+
+
+Starts = list[list[Start]]  #: of an effect, those of each form apart
 
 
 @dataclass(frozen=True)
@@ -79,40 +78,41 @@ def leaves_noise(hypothesis: Hypothesis) -> bool:
     return not hypothesis.plain.has_outlier_pattern and spread(r) < 1.0 + FITTING / np.sqrt(r.size)
 
 
-class Way(NamedTuple):
-    """A way to a combination: effect ``name`` added to a ``base`` from ``starts``; ``hope``: expected log posterior."""
+class Addition(NamedTuple):
+    """An effect ``name`` that is to be added to a ``base`` from ``starts``; ``expected``: log posterior of the two."""
 
-    hope: float
+    expected: float
     base: Hypothesis
     name: str
-    starts: list[list[Start]]
+    starts: Starts
 
 
-def order_ways(ways: Mapping[frozenset[str], list[Way]]) -> list[frozenset[str]]:
-    """Combinations in the order in which they are tried, by the first way of each.
+def order_combinations(additions: Mapping[frozenset[str], Sequence[Addition]]) -> list[frozenset[str]]:
+    """Combinations in the order in which they are tried, by the first addition that leads to each.
 
     Linear gains are largest where the fit is worst. So a few combinations with each base come first, and before them a
     few with a base that leaves only noise.
     """
-    ordered = sorted(ways, key=lambda key: -ways[key][0].hope)
+    ordered = sorted(additions, key=lambda key: -additions[key][0].expected)
     of_base = Counter[frozenset[str]]()
     late = set[frozenset[str]]()
     for key in ordered:
-        base = ways[key][0].base.key
+        base = additions[key][0].base.key
         of_base[base] += 1
-        late |= {key} if of_base[base] > _MOST_OF_A_BASE else set()
-    first = [key for key in ordered if any(leaves_noise(way.base) for way in ways[key])][:_MOST_FIRST]
+        if of_base[base] > _MOST_OF_A_BASE:
+            late.add(key)
+    first = [key for key in ordered if any(leaves_noise(addition.base) for addition in additions[key])][:_MOST_FIRST]
     return sorted(ordered, key=lambda key: (key not in first, key in late))
 
 
-def list_starts(base: ModelFit, forms: Sequence[Form], units: Mapping[Form, float]) -> list[list[Start]]:
+def list_starts(base: ModelFit, forms: Sequence[Form], units: Mapping[Form, float]) -> Starts:
     """Starts of one more effect beside those of a fit, for each of its ``forms``.
 
     ``units``: strength of each form that opens a gap of one unit of noise, d.d unit^2 = number of residuals; computed
     here where missing. The derivatives d of two forms that mirror each other have opposite signs.
     """
     directions: dict[str, tuple[FloatArray, FloatArray]] = {}
-    tried = []
+    tried: Starts = []
     for form in forms:
         if form.whole:
             tried.append(_list_whole_starts(base, form))
@@ -122,13 +122,14 @@ def list_starts(base: ModelFit, forms: Sequence[Form], units: Mapping[Form, floa
             r, d = directions[form.mirror]
             d = -d
         else:
-            r, d = _direction(base, form, shapes)
-            directions |= {form.mirror: (r, d)} if form.mirror else {}
-        tried.append(_starts(base, form, shapes, r, d, units.get(form)))
+            r, d = _differentiate(base, form, shapes)
+            if form.mirror:
+                directions[form.mirror] = r, d
+        tried.append(_list_form_starts(base, form, shapes, r, d, units.get(form)))
     return tried
 
 
-def _starts(
+def _list_form_starts(
     base: ModelFit, form: Form, shapes: FloatArray, r: FloatArray, d: FloatArray, unit: float | None
 ) -> list[Start]:
     """Starts of a form, one for every start of its shapes, the best first.
@@ -136,7 +137,7 @@ def _starts(
     The derivative d of the residuals r by the strength is projected free of the fitted variables, by their posterior.
     The strength is then -d.r/d.d and the gain (d.r)^2/(2 d.d).
     """
-    squared, pull = _projected(base, form, r, d)
+    squared, pull = _project(base, form, r, d)
     strength = -pull / squared
     gain = np.where(strength > 0.0, 0.5 * pull**2 / squared, 0.0)
     if unit is None:
@@ -155,7 +156,7 @@ def _list_whole_starts(base: ModelFit, form: Form) -> list[Start]:
     part, k = Part(form, form.natural / TYPICAL_GAP), base.model.size
     model, y = replace(base.model, parts=(*base.model.parts, part)), np.repeat(base.y[np.newaxis], len(_SIZES), axis=0)
     d = model.residuals(np.hstack([y[:, :k], _SIZES, y[:, k:]]), len(y)).r - base.r
-    squared, pull = _projected(base, form, base.r[np.newaxis], d)
+    squared, pull = _project(base, form, base.r[np.newaxis], d)
     gain = np.where(pull < 0.0, 0.5 * pull**2 / squared, 0.0)
     starts = [Start(part, size, float(of_size)) for size, of_size in zip(_SIZES, gain, strict=True)]
     return sorted(starts, key=lambda start: -start.gain)
@@ -171,7 +172,7 @@ def at_gap(start: Start, gap: float) -> FloatArray:
     return np.array([np.log(np.clip(gap, _LOW, _FARTHEST) / TYPICAL_GAP) / SPREAD, *start.x[1:]])
 
 
-def choose_forms(candidates: list[list[Start]], most: int, rough: bool) -> list[list[Start]]:
+def choose_forms(candidates: Starts, most: int, rough: bool) -> Starts:
     """Forms worth a fit: ``most`` by linear gain and, where the gap is large, those with no useful linear gain."""
     ranked = sorted(candidates, key=lambda tried: -tried[0].gain)
     least = ranked[0][0].gain * _FAR - SURE
@@ -180,7 +181,7 @@ def choose_forms(candidates: list[list[Start]], most: int, rough: bool) -> list[
     return [tried for tried in near + beyond_lines if rough or tried[0].gain > _SLIGHT]
 
 
-def _direction(base: ModelFit, form: Form, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _differentiate(base: ModelFit, form: Form, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Residuals with the form at strength zero, and their derivative by the strength, (1 or starts, m) each."""
     k = base.model.size
     model = replace(base.model, parts=(*base.model.parts, Part(form, form.natural / TYPICAL_GAP)))
@@ -194,7 +195,7 @@ def _direction(base: ModelFit, form: Form, shapes: FloatArray) -> tuple[FloatArr
     return zero, (residuals(float(np.log(_SMALL))) - zero) / (_SMALL * form.natural)
 
 
-def _projected(base: ModelFit, form: Form, r: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _project(base: ModelFit, form: Form, r: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
     """d.d and d.r with the robust weights, projected free of the fitted variables except one that the form replaces."""
     inverse = base.covariance
     if form.replaces:  # that variable held at zero

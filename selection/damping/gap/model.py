@@ -38,10 +38,9 @@ STEP = 1e-4
 TYPICAL_GAP = 3.0
 SPREAD = 1.5
 _SKEW = 0.1  #: largest share of the motion that a cross-axis channel picks up by misalignment
-#: Newton's method for a steady state: most steps, longest step in ln A, misfit in ln A at convergence.
-_MOST_STEPS = 40
-_LONGEST = 0.5
-_CONVERGED = 1e-10
+_MOST_STEPS = 40  #: most steps of Newton's method for a steady state
+_LONGEST = 0.5  #: its longest step in ln A
+_CONVERGED = 1e-10  #: its misfit in ln A at convergence
 
 
 @dataclass(frozen=True)

@@ -101,11 +101,11 @@ class _Run:
 
     design: ProposedTest
     predicted: PhasorRows
-    missed: tuple["_Missed", ...]
+    misfits: tuple["_Misfit", ...]
 
 
 @dataclass(frozen=True)
-class _Missed:
+class _Misfit:
     """Misfit of a rival to m values in units of their noise, at its k fitted parameters."""
 
     r: FloatArray  #: misfit (m,)
@@ -167,12 +167,12 @@ def rank_tests(
     tests = [(run, foresee(run)) for run in runs]
     worth = [test for _, test in tests if is_worth(test)]
     if not worth:  # no test excludes some rivals; tests may exclude the others
-        most = [max(_odds([run.missed[at]], rival.hypothesis.best) for run in runs) for at, rival in enumerate(rivals)]
+        most = [max(_odds([run.misfits[at]], rival.hypothesis.best) for run in runs) for at, rival in enumerate(rivals)]
         excludable = [rival for rival, odds in zip(rivals, most, strict=True) if odds > WORTH]
         if 0 < len(excludable) < len(rivals):
             fewer = [listed[0], *excludable]
             return rank_tests(fewer, fitted, in_library, command, unit, columns, imitations, unexplained=unexplained)
-        first = max(runs, key=lambda run: _odds([run.missed[0]], rivals[0].hypothesis.best))
+        first = max(runs, key=lambda run: _odds([run.misfits[0]], rivals[0].hypothesis.best))
         worth = [pair for pair in foresee_pairs(first) if is_worth(pair)] if excludable else []
     elif max(test.probability for test in worth) < COVER:
         first = next(run for run, test in tests if test is max(worth, key=lambda test: test.probability))
@@ -188,7 +188,7 @@ def _predict_runs(leading: ModelFit, rivals: Sequence[ModelFit]) -> list[_Run]:
         if not _resonates(expected, design.plan(leading.model.problem)):
             continue
         predicted = _simulate(design.change(expected), design.plan(leading.model.problem))
-        runs.append(_Run(design, predicted, tuple(_miss(predicted, rival, design.change) for rival in rivals)))
+        runs.append(_Run(design, predicted, tuple(_find_misfit(predicted, rival, design.change) for rival in rivals)))
     return runs
 
 
@@ -213,9 +213,9 @@ def _foresee(
     ``every``: all that were fitted, the first and its ``rivals`` before the others. A test that discriminates against
     one rival only leaves the others as they are: the log odds are -ln sum p e^-D.
     """
-    among = len(runs[0].missed) - len(imitations)
+    among = len(runs[0].misfits) - len(imitations)
     compared = [*(rival.hypothesis for rival in every[1 : 1 + among]), *imitations]
-    odds = np.array([_odds([run.missed[at] for run in runs], rival.best) for at, rival in enumerate(compared)])
+    odds = np.array([_odds([run.misfits[at] for run in runs], rival.best) for at, rival in enumerate(compared)])
     surely = odds - SURELY * np.sqrt(2.0 * odds)
     gained = np.zeros(len(every))  # nothing is predicted for those not compared
     gained[1 : 1 + among] = surely[:among]
@@ -252,7 +252,7 @@ def _describe_run(rows: PhasorRows, unit: float) -> dict[str, float]:
     }
 
 
-def _miss(predicted: PhasorRows, rival: ModelFit, change: Callable[[Terms], Terms]) -> _Missed:
+def _find_misfit(predicted: PhasorRows, rival: ModelFit, change: Callable[[Terms], Terms]) -> _Misfit:
     """Misfit of a rival to the rows ``predicted``."""
     k, sweeps = rival.model.size, len(predicted.sweeps)
     steps = np.vstack([np.zeros(k), STEP * np.eye(k)])
@@ -261,17 +261,17 @@ def _miss(predicted: PhasorRows, rival: ModelFit, change: Callable[[Terms], Term
     misfit = residuals(terms, predicted, np.zeros((k + 1, 2 * sweeps)), scatter)
     by_gain, by_frequency = misfit.by_sweep()
     C = np.vstack([by_gain[0] * scatter.amplitude, by_frequency[0] * scatter.frequency])
-    return _Missed(misfit.r[0], (misfit.r[1:] - misfit.r[0]) / STEP, np.eye(C.shape[1]) + C.T @ C)
+    return _Misfit(misfit.r[0], (misfit.r[1:] - misfit.r[0]) / STEP, np.eye(C.shape[1]) + C.T @ C)
 
 
-def _odds(missed: Sequence[_Missed], rival: ModelFit) -> float:
+def _odds(misfits: Sequence[_Misfit], rival: ModelFit) -> float:
     """Half the squared distance of a rival from the rows ``predicted``, in units of all that it leaves open.
 
     These are noise, repeatability, and the covariance of the rival's parameters given the record.
     """
-    r, J = np.hstack([run.r for run in missed]), np.hstack([run.J for run in missed])
+    r, J = np.hstack([run.r for run in misfits]), np.hstack([run.J for run in misfits])
     k = rival.model.size
-    V = block_diag(*(run.noise for run in missed)) + J.T @ rival.covariance[:k, :k] @ J
+    V = block_diag(*(run.noise for run in misfits)) + J.T @ rival.covariance[:k, :k] @ J
     return 0.5 * float(r @ np.linalg.solve(V, r))
 
 

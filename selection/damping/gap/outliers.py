@@ -11,16 +11,13 @@ from scipy.special import erfc
 from damping.arrays import BoolArray, FloatArray
 from damping.gap.rows import PhasorRows
 
-#: Share of outliers and their standard deviation in units of noise.
-OUTLIER_SHARE = 0.02
-OUTLIER_SD = 10.0
+OUTLIER_SHARE = 0.02  #: share of outliers
+OUTLIER_SD = 10.0  #: their standard deviation in units of noise
 _INLIER = np.log(1.0 - OUTLIER_SHARE)
 _OUTLIER = np.log(OUTLIER_SHARE / OUTLIER_SD)
-#: Robust weight below which a residual is taken for an outlier.
-OUTLIER_WEIGHT = 0.5
-#: Largest share of one quantity's values that may be stray readings; extra number allowed in a short record.
-MOST_OUTLIERS = 0.05
-_FEW_OUTLIERS = 2.0
+OUTLIER_WEIGHT = 0.5  #: robust weight below which a residual is taken for an outlier
+MOST_OUTLIERS = 0.05  #: largest share of one quantity's values that may be stray readings
+_FEW_OUTLIERS = 2.0  #: number of stray readings allowed beyond that share, for short records
 _NEIGHBOURS = 3  #: three outlying neighbours occur by chance in one of 2000 sweeps of 60 rows; two in one of 40
 #: Outlying amplitudes at the peak of a sweep, or at one frequency, are no stray readings if less probable than this.
 _BY_CHANCE = 0.003

@@ -132,7 +132,7 @@ def _convert_amplitudes(search: Search) -> Iterator[tuple[str, Hypothesis]]:
     for k, what in QUANTITIES.items():
         freed = replace(rows, u=rows.u - k * np.log(rows.omega / search.problem.simulation.mode.omega_n))
         times = "(f0/f)" + ("^2" if k > 1 else "")
-        alone = Search(replace(search.problem, rows=freed), {}, search.unknown).run().ranked()[0]
+        alone = Search(replace(search.problem, rows=freed), {}, search.unknown).run().leading
         yield f"{what} (amplitudes times {times} fit)", alone
 
 
@@ -143,7 +143,7 @@ def _free_rate(search: Search) -> Iterator[tuple[str, Hypothesis]]:
     problem = search.problem
     still = replace(problem.rows, rate=np.zeros(len(problem.rows)))
     freed = replace(problem, rows=still, simulation=replace(problem.simulation, swept=()))
-    first = Search(freed, {SWEEP_RATE.name: SWEEP_RATE}, search.unknown).run().ranked()[0]
+    first = Search(freed, {SWEEP_RATE.name: SWEEP_RATE}, search.unknown).run().leading
     if not first.effects:
         yield "a test that dwelt, against the stated sweep rate,", first
         return
@@ -165,7 +165,7 @@ def _free_parameters(search: Search) -> Iterator[tuple[str, Hypothesis]]:
         for _ in range(_MOST_TURNS if least else 0):
             own = replace(problem.simulation, simulator=simulator.freed(name, by))
             try:
-                alone = Search(replace(problem, simulation=own), {}, search.unknown).run().ranked()[0]
+                alone = Search(replace(problem, simulation=own), {}, search.unknown).run().leading
             except InputError:  # it need not answer there
                 break
             fitted = alone.best.y[: alone.best.model.size][place]
@@ -194,7 +194,7 @@ def fit_foreign(search: Search, leading: Hypothesis) -> list[Hypothesis]:
     foreign = Search(
         search.problem, {**FOREIGN, **named}, search.unknown, fitted, choices=search.choices, done=search.done
     )
-    foreign.singles()
+    foreign.fit_single_effects()
     for replaced in leading.effects if len(leading.effects) > 1 else ():
         foreign.extend_by_gain(foreign.drop(leading, replaced), FOREIGN.keys(), MOST_FOREIGN)
     if parameters:

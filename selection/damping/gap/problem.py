@@ -26,11 +26,10 @@ from damping.records.record import Record
 
 MOST_ROWS = 5_000  #: most rows of a diagnosis, so that it takes minutes, not hours
 NOISE_ERROR = 0.2  #: least standard deviation of the ln of a noise that was estimated from roughness
-#: A resonance at a larger relative distance from the simulated one is that of another mode ...
-_ANOTHER_MODE = 0.12
-#: ... unless the response between the two stays above this share of the largest, at more than ``_BROAD_ROWS`` rows.
+_ANOTHER_MODE = 0.12  #: a resonance at a larger relative distance from the simulated one is that of another mode
+#: It is not where the response between the two stays above this share of the largest, as of one heavily damped mode.
 _BROAD = 0.5
-_BROAD_ROWS = 2
+_BROAD_ROWS = 2  #: that response must be measured at more rows than this
 _FEW_ROWS = 3  #: fewest rows of a sweep that can show a resonance
 _CONSTANT = 0.05  #: Largest range of ln amplitude of a sweep that a controller held at constant amplitude.
 

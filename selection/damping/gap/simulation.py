@@ -25,9 +25,7 @@ from damping.records.mode import Mode
 
 #: Largest deviation, in tolerances; a larger one is an effect (natural-frequency, viscous-coefficient).
 MOST_TOLERANCES = 3.0
-_SHARPNESS = 8
-
-
+_SHARPNESS = 8  #: power with which `within_tolerance` bends from x to the bound: at 1 tolerance by 2e-5
 NO_SCATTER = 1e-9  #: scatter or tolerance of zero, safe to divide by
 #: Least tolerances of a simulation whose values were taken from the record itself: they are no prior knowledge.
 NO_KNOWLEDGE = {"frequency": 0.03, "mass": 0.3, "damping": 0.7}

@@ -22,9 +22,8 @@ from damping.gap.search import Search
 from damping.progress import Advance, Progress, silent
 
 MOST_FOLDS = 3  #: most levels held out, the highest first
-#: An explanation fails where it closes at least the first share of the gap of the record, at most the second held out.
-_CLOSED = 0.8
-_FAILED = 0.5
+_CLOSED = 0.8  #: an explanation that closes less of the gap of the record than this share cannot fail held out
+_FAILED = 0.5  #: largest share of the held-out gap that an explanation which fails there closes
 
 
 @dataclass(frozen=True)
@@ -208,7 +207,7 @@ def _fold(setting: Setting, search: Search, level: int, regular: BoolArray, adva
     out = problem.rows.levels[problem.rows.sweep] == level
     train = replace(problem, rows=problem.rows.where(~out))
     test = replace(problem, rows=problem.rows.where(out))
-    chosen = search.again(train, setting.unknowns, ~out).ranked()[0].best
+    chosen = search.refit(train, setting.unknowns, ~out).leading.best
     counted = regular[np.tile(out, regular.size // out.size)]
     after, before = _predicted(chosen, test), _predicted(refitted(chosen), test)
     nominal = nominal_residuals(replace(chosen, model=replace(chosen.model, problem=test)))

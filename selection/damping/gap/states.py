@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from damping.arrays import BoolArray, FloatArray
+from damping.arrays import FloatArray
 from damping.errors import AnalysisError, InputError
 from damping.gap.problem import State
 from damping.gap.rows import FURTHER_CHANNELS, is_same_structure
@@ -66,7 +66,7 @@ def drive_by_forces(states: Sequence[State], *, simulated: bool = False) -> Driv
     shared = next((known for known in estimates if known.known), Participation())
     used = {k: known if known.known else shared for group, known in zip(groups, estimates, strict=True) for k in group}
     unit = used[0].value * mode.mass if 0 in used else 1.0
-    pairs = [_count(state, mode, used.get(k), unit, same=same[k]) for k, state in enumerate(states)]
+    pairs = [_convert_state(state, mode, used.get(k), unit, same=same[k]) for k, state in enumerate(states)]
     notes = [f"base drive{_name(group, states)}: {known}" for group, known in zip(groups, estimates, strict=True)]
     return Driven(tuple(pair for pair, _ in pairs), tuple(mass for _, mass in pairs), unit, tuple(groups), tuple(notes))
 
@@ -89,7 +89,7 @@ def _find_shared(states: Sequence[State], group: Sequence[int], same: Sequence[b
     return find_participation(asked)
 
 
-def _count(
+def _convert_state(
     state: State, first: Mode, participation: Participation | None, unit: float, *, same: bool
 ) -> tuple[State, FloatArray]:
     """A state under force excitation in a unit of mass, and the base-shaken mass of its structure in that unit."""
@@ -167,7 +167,7 @@ def list_unread(states: Sequence[State]) -> list[str]:
     for k, (record, _) in enumerate(states):
         for channel in FURTHER_CHANNELS:
             amplitude, phase = f"amplitude_{channel}", f"phase_{channel}"
-            read, timed = _is_filled(record, amplitude), _is_filled(record, phase)
+            read, timed = (np.isfinite(record.column(name, np.nan)) for name in (amplitude, phase))
             for name, fault, unread, why in (
                 (amplitude, f"without {phase}", read & ~timed, "a phasor needs both"),
                 (phase, f"without {amplitude}", timed & ~read, "a phasor needs both"),
@@ -177,11 +177,6 @@ def list_unread(states: Sequence[State]) -> list[str]:
                     rows = "" if unread.all() else f" in {unread.sum()} of {len(record)} rows"
                     cautions.append(f"{name}{_name((k,), states)} is {fault}{rows} and is not used: {why}")
     return cautions
-
-
-def _is_filled(record: Record, name: str) -> BoolArray:
-    """Whether each row holds a number in a column, (n,)."""
-    return np.isfinite(record.column(name, np.nan))
 
 
 def _share_rows(one: Record, two: Record, columns: list[str]) -> int:

@@ -21,14 +21,12 @@ from damping.gap.outliers import OUTLIER_WEIGHT, log_likelihood
 from damping.gap.rows import UNSEEN, PhasorRows
 from damping.records.record import Record
 
-#: Share of the largest values that a spread leaves out, and the root mean square of the others for a normal variable.
-_TRIMMED = 0.15
-_OF_NORMAL = 0.7215
-#: Constant over proportional noise at the 10 % quantile of the amplitudes; penalty in ln p of a constant part.
-SHARES = (0.0, 0.5, 1.0, 2.0, 4.0, 100.0)
-#: ... noise in proportion to the largest amplitude of each sweep, as of an analyser whose range is set per sweep.
+_TRIMMED = 0.15  #: share of the largest values that a spread leaves out
+_OF_NORMAL = 0.7215  #: root mean square of the others for a normal variable
+SHARES = (0.0, 0.5, 1.0, 2.0, 4.0, 100.0)  #: constant over proportional noise at the 10 % quantile of the amplitudes
+#: Stands for noise in proportion to the largest amplitude of each sweep, as of an analyser with a range for each sweep.
 RANGED = np.inf
-_PRICE = 2.0
+_PRICE = 2.0  #: penalty in ln p of noise with a constant part, or of ``RANGED``
 CLIP = 3.0  #: deviations are clipped at this many standard deviations, against outliers
 FIRST_GUESS = 0.02  #: noise assumed before anything is known, relative: of the order of a careful sine test
 LEAST = 1e-6  #: smallest noise, so that computed records do not divide by zero

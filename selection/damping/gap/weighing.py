@@ -32,20 +32,19 @@ TEMPERATURES = (5.0, 6.0, 2.0)
 #: harmonics of one state, which effects that are not there imitate to within noise. Of 1936 cases of 66 kinds (600 of
 #: them foreign causes) .7 % were named wrongly beyond .95, 1.6 % without these.
 LARGEST_IMITATION = 0.65
-#: Log odds that the library holds the cause, where it holds three in five: for an effect that leaves only noise; added
-#: where nothing is blamed; subtracted for each of the `describe_doubts`.
+#: Log odds that the library holds the cause, where it holds three in five, for an effect that leaves only noise.
 IN_LIBRARY = 1.71
-NOTHING_BLAMED = 0.40
-PER_DECADE = 0.51
-PER_MAKESHIFT = 2.42
-PER_END = 1.01
-PER_RIVAL = 0.91
-#: ... added where something is measured beyond first harmonics of one state (`count_beyond`), which imitations seldom
-#: reproduce: 420 cases of a blind run (seed 26112801) and 141 tests proposed for them give 0.8, with an error of 0.3.
+NOTHING_BLAMED = 0.40  #: log odds added where nothing is blamed
+PER_DECADE = 0.51  #: log odds subtracted for each decade of the smallest p-value (`describe_doubts`)
+PER_MAKESHIFT = 2.42  #: log odds subtracted for effects beyond one that are a makeshift
+PER_END = 1.01  #: log odds subtracted for each best fit at the end of its range
+PER_RIVAL = 0.91  #: log odds subtracted for each e-fold of the odds of a cause outside the library
+#: Log odds added where something is measured beyond first harmonics of one state (`count_beyond`), which imitations
+#: seldom reproduce: 420 cases of a blind run (seed 26112801) and 141 tests proposed for them give 0.8, error 0.3.
 PER_BEYOND = 0.7
-#: ... and subtracted for each e-fold of dispersion: set by hand, since hardly a case of the regression has any.
+#: Log odds subtracted for each e-fold of dispersion: set by hand, since hardly a case of the regression has any.
 PER_DISPERSION = 3.0
-_MOST_DECADES = 6.0
+_MOST_DECADES = 6.0  #: most decades of the smallest p-value that count
 MOST_RIVAL = 3.0  #: largest ln(1 + odds of a foreign cause) that counts: 20 to 1 is as good as certain
 #: Gain in ln p of the last effect of several at which it counts as half a makeshift: e^10 is as good as certain.
 _PAYS = 10.0
@@ -111,7 +110,7 @@ def count_beyond(hypotheses: Sequence[Explanation], *further: PhasorRows) -> int
         third = max([_miss_thirds(fit, every, predicts=False), *others]) - misfit >= INDISTINCT**2
     states = any(np.ptp(np.hstack([getattr(rows, name) for rows in every])) > 0.0 for name in ("added", "state"))
     stiff = any(CATALOGUE[name].force is not None and not CATALOGUE[name].damping for name in fit.effects)
-    return third + (states and (third or not stiff))
+    return sum((third, states and (third or not stiff)))
 
 
 def _miss_thirds(fit: ModelFit, every: Sequence[PhasorRows], *, predicts: bool = True) -> float:
@@ -250,19 +249,18 @@ def group_equivalent_effects(hypotheses: Sequence[Hypothesis], library: Mapping[
     ``hypotheses`` are in order of probability. Two effects together may replace one: a second plane read with a wrong
     gain is a second mode.
     """
-    leading = hypotheses[0]
-    groups = []
+    leading, groups = hypotheses[0], []
+    least = leading.log_posterior + float(np.log(LEAST_ODDS))
+    possible = [other for other in hypotheses[1:] if other.log_posterior > least]
     for effect in leading.effects:
         rest = leading.key - {effect}
         ways, farthest = list[tuple[str, ...]]([(effect,)]), 0.0
-        for other in hypotheses[1:]:
-            swapped = other.key - rest
-            possible = other.log_posterior > leading.log_posterior + float(np.log(LEAST_ODDS))
-            if possible and rest <= other.key and effect not in swapped and 0 < len(swapped) <= _MOST_SWAPPED:
-                difference = distance(leading.best, other.best)
-                if difference < INDISTINCT and not any(swapped >= set(way) for way in ways):
-                    ways.append(tuple(name for name in other.effects if name in swapped))
-                    farthest = max(farthest, difference)
+        for other in (other for other in possible if rest <= other.key and effect not in other.key):
+            swapped, difference = other.key - rest, distance(leading.best, other.best)
+            is_equivalent = 0 < len(swapped) <= _MOST_SWAPPED and difference < INDISTINCT
+            if is_equivalent and not any(swapped >= set(way) for way in ways):
+                ways.append(tuple(name for name in other.effects if name in swapped))
+                farthest = max(farthest, difference)
         if len(ways) > 1:
             ways.sort(key=lambda way: not _is_of_rig(way, library))
             groups.append(Group(tuple(ways), farthest, sum(_is_of_rig(way, library) for way in ways)))

@@ -26,11 +26,9 @@ from damping.gap.size import fitted_terms, nominal_residuals, regular_values
 from damping.records.mode import Mode
 from damping.records.text import per_cent
 
-#: Cells of a sweep, and the fewest rows of a cell.
-MOST_CELLS = 8
-FEWEST_ROWS = 4
-#: A footprint is where the explanation changes the prediction by more than this, in units of noise.
-VISIBLE = 1.0
+MOST_CELLS = 8  #: most cells of a sweep
+FEWEST_ROWS = 4  #: fewest rows of a cell
+VISIBLE = 1.0  #: change of the prediction, in units of noise, beyond which a row is in the footprint of an explanation
 RESONANCE_FOUND = 0.1  #: standard uncertainty of the phase pi/2 of a row taken at phase resonance, rad
 BANDS = 4  #: bands of amplitude in every sweep
 FEW = 6  #: with fewer values only power 1 is tried

@@ -4,7 +4,6 @@ from math import log
 
 import numpy as np
 
-from damping.records.check_labels import find_mixed_levels
 from damping.records.phase_kinds import SMOOTH
 from damping.records.runs import FEWEST_ROWS, Run
 from damping.records.view import Finding, View, label_sweeps, name_sweeps
@@ -25,9 +24,7 @@ def check_noise(view: View) -> Finding | None:
 def check_edge(view: View) -> Finding | None:
     """Sweeps that contain no resonance: without a phase the row at their edge would be taken for it."""
     seen = {leg.run.sweep for leg in view.legs if leg.resonant}
-    unseen = [leg for leg in view.legs if leg.run.sweep not in seen]
-    mixed = find_mixed_levels(view) if unseen else {}
-    beside = [leg for leg in unseen if leg.run.sweep not in mixed]
+    beside = [leg for leg in view.legs if leg.run.sweep not in seen and leg.run.sweep not in view.mixed_levels]
     if not beside:
         return None
     below = all(np.argmax(leg.run.compliance) > len(leg.run) // 2 for leg in beside)

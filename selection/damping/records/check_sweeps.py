@@ -1,6 +1,8 @@
-"""Checks of the rows of single sweeps: outliers, several modes, and a rate that the resonance cannot follow."""
+"""Checks of single sweeps: outliers, labels, several modes, and a rate that the resonance cannot follow."""
 
 from math import log, pi
+
+import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.records.implied import NEAR
@@ -52,6 +54,45 @@ def check_outlier(view: View) -> Finding | None:
 
 #: Largest shift of frequency (ln) of a structure that is set up again, warms or loosens between two levels.
 NO_RERUN = 0.05
+
+
+#: Fewest rows at one force, with lags on both sides of resonance beyond this distance from pi/2, that are a sweep.
+FEWEST_OF_SWEEP = 5
+BESIDE_RESONANCE = 0.25 * pi
+
+
+def check_unlabelled(view: View) -> Finding | None:
+    """Rows with a label each that are sweeps: at one force their lags turn through resonance."""
+    table = view.record.frame
+    if "phase" not in table or table["sweep"].nunique() < len(table):
+        return None
+    turns = table.groupby("force")["phase"].agg(["size", "min", "max"])
+    passes = (turns["min"] < 0.5 * pi - BESIDE_RESONANCE) & (turns["max"] > 0.5 * pi + BESIDE_RESONANCE)
+    sweeps = int(np.sum(passes & (turns["size"] >= FEWEST_OF_SWEEP)))
+    if not sweeps:
+        return None
+    what = f"every row has a label of its own, though rows at one force turn through resonance ({sweeps} such forces)"
+    advice = "give the rows of one sweep one label: with its own, each row counts as a level"
+    return Finding("mixed-levels", "caution", what, advice, view.record.sweeps)
+
+
+def check_mixed_levels(view: View) -> Finding | None:
+    """Several force levels under one label: their rows alternate over the same frequencies, or are single peaks.
+
+    The record is refused if the levels would be taken for one sweep without a resonance.
+    """
+    mixed = view.mixed_levels
+    resonant = {leg.run.sweep for leg in view.legs if leg.resonant}
+    if not mixed or view.record.is_decay:
+        return None
+    levels = next(iter(mixed.values()))
+    forces = ", ".join(f"{force:.4g}" for force in levels[:6])
+    what = f"{name_sweeps(mixed)}: forces of {len(levels)} levels under one label ({forces})"
+    advice = "give every level a label of its own"
+    uses_all_rows = view.record.has_phase or "energy" in view.record.frame
+    advice += "" if uses_all_rows else ": of one label only the largest amplitude is used"
+    blind = any(leg.lag is None and leg.run.sweep in mixed.keys() - resonant for leg in view.legs)
+    return Finding("mixed-levels", "refuse" if blind else "caution", what, advice, tuple(mixed))
 
 
 SPLIT = 1.03  #: a simulated mode farther than this factor from both of two peaks is neither of them

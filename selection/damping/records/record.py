@@ -16,14 +16,7 @@ from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.records import keys
 from damping.records.summary import MOST_SHOWN, Summarised
-from damping.records.text import (
-    count,
-    describe_meant,
-    describe_separator,
-    describe_shortened,
-    guarded,
-    read_source,
-)
+from damping.records.text import count, describe_meant, describe_separator, describe_shortened, guarded, read_source
 
 
 class _CopiedTable:

@@ -12,6 +12,7 @@ import pandas as pd
 from damping.arrays import RAD_S_PER_HZ, wrap_lag
 from damping.forces import damping_ratio
 from damping.records.implied import Implied, Leg, detect_rate, find_implied
+from damping.records.mixed_levels import find_mixed_levels
 from damping.records.mode import Mode
 from damping.records.odd_levels import OddLevel, find_odd_level
 from damping.records.outliers import find_isolated_rows, find_misplaced_rows
@@ -92,6 +93,11 @@ class View:
         read one by one, and vary where two modes beat."""
         one_mass = len(set(self.record.masses(0.0) + self.record.added_masses)) == 1
         return None if self.record.is_decay else find_odd_level(self.raw, self.stated_mass, one_mass=one_mass)
+
+    @cached_property
+    def mixed_levels(self) -> dict[str, list[float]]:
+        """Labels that hold several levels of force, and the forces of these."""
+        return find_mixed_levels(self.record, self.stated_mass)
 
     @cached_property
     def runs(self) -> list[Run]:
