@@ -199,6 +199,19 @@ def verify(folder: Path) -> Folder:
     return opened
 
 
+def list_altered(folder: Path) -> set[str]:
+    """Files that the manifest in the folder names and that are missing or of another run; none without a manifest."""
+    altered = set()
+    with suppress(InputError):
+        opened = open_folder(folder)
+        for name in opened.manifest.outputs:
+            try:
+                opened.read(name)
+            except InputError:
+                altered.add(name)
+    return altered
+
+
 @contextmanager
 def sole_writer(folder: Path, names: Collection[str] = (), inputs: Iterable[Path] = ()) -> Iterator[None]:
     """Hold a folder while results for it are computed: it can be written, and no other run is writing there.

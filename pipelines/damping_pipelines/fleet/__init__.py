@@ -18,7 +18,7 @@ from damping.report import count, format_joined
 from damping_pipelines.fleet import dataset
 from damping_pipelines.fleet.analyse import BY_CHANCE, analyse_each
 from damping_pipelines.fleet.page import COLUMNS, describe_fleet_page, list_copies, list_drives, shorten
-from damping_pipelines.manifest import digest, digest_code, publish, sole_writer, versions
+from damping_pipelines.manifest import digest, digest_code, list_altered, publish, sole_writer, versions
 from damping_pipelines.store import refuse_inputs, write_text
 from damping_pipelines.terminal import print_lines, progress
 
@@ -154,13 +154,13 @@ class _Book:
 
 
 def _final(kept: dataset.FleetDataSet, out: Path) -> set[str]:
-    """Keys of rows that stay, without records that failed for external reasons or whose pages are gone."""
-    table = kept.read(["reason", "report", "effects"])
+    """Keys of rows that stay, without records that failed for external reasons or whose pages are gone or changed."""
+    table, altered = kept.read(["reason", "report", "effects"]), list_altered(out)
     needed = [
         _list_pages(report)[: 1 if effects is None else 2]
         for report, effects in zip(table["report"], table["effects"], strict=True)
     ]
-    there = [all((out / page).is_file() for page in pages) for pages in needed]
+    there = [all((out / page).is_file() and page not in altered for page in pages) for pages in needed]
     again = _find_chance(table) | ~pd.Series(there, dtype=bool)
     final = set(table.loc[~again, "key"])
     if again.any():
