@@ -11,8 +11,8 @@ import pytest
 from damping.errors import AnalysisError, InputError
 from damping.gap.corrected import corrected_mode, describe_effects
 from damping.gap.diagnose import diagnose
-from damping.gap.problem import MOST_ROWS
-from damping.gap.rows import read_rows
+from damping.gap.problem import MOST_ROWS, record_cautions
+from damping.gap.rows import join_states, read_rows
 from damping.gap.states import list_repeated, list_unread
 from damping.records.record import Record
 from tests.gap.limited import limited
@@ -83,6 +83,8 @@ def test_rows_at_resonance_only(lab, honest):
     assert confident(found) == ()
     asked = {effect for one in found.hypotheses for effect in one.effects}
     assert not asked & {"natural-frequency", "stiffness-hardening", "planar-coupling", "phase-lag", "force-dropout"}
+    beside = join_states([(read_rows(record, lab.mode()), lab.mode()) for record in (honest(), peak)])
+    assert not any("fewer than" in caution for caution in record_cautions(beside, honest(), lab.mode()))
 
 
 def test_rows_with_a_phase_all_at_the_simulated_frequency(lab, honest):

@@ -211,8 +211,8 @@ def record_cautions(rows: PhasorRows, record: Record, mode: Mode) -> list[str]:
         cautions.append(
             "one force level: dependence on amplitude is visible only along the sweep, and no level can be held out"
         )
-    few = [sweep for sweep, run in zip(rows.sweeps, rows.runs, strict=True) if len(run) < _FEW_ROWS]
-    if few and not rows.at_resonance:
+    of_sweeps = zip(rows.sweeps, rows.runs, strict=True)
+    if few := [sweep for sweep, run in of_sweeps if len(run) < _FEW_ROWS and not rows.resonant[run].all()]:
         cautions.append(f"fewer than {_FEW_ROWS} rows in sweep {', '.join(few[:5])}: too few to show a resonance")
     cautions += _list_resonance_cautions(rows)
     if mode.repeatability.amplitude is None and mode.repeatability.frequency is None and len(rows.sweeps) < 3:
