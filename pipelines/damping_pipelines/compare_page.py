@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 
 from damping import report
-from damping.formats.quantity import find_powers, unit
+from damping.formats.quantity import find_factors
 from damping.infer.observations import Observations
-from damping.ranking.sharing import SharedShape, share_shapes, weigh_sharing
+from damping.ranking.sharing import SharedShape, is_same_test, share_shapes, weigh_sharing
 from damping.records.mode import Units
 from damping.report.page import Block, Footer, Table, render_page, write_sections
 from damping_pipelines.forms import StudyForm, StudyRecordForm
@@ -149,14 +149,24 @@ def _describe_top(record: StudyRecordForm) -> dict[str, str]:
 
 
 def _list_different(studies: Sequence[StudySummary]) -> list[tuple[str, RecordSummary]]:
-    """Records with different data: the first of those with the same observations, or files where none are stored."""
-    different: dict[object, tuple[str, RecordSummary]] = {}
+    """Records of different tests: the first of those with the same observations, or files where none are stored."""
+    different, stored = list[tuple[str, RecordSummary]](), set[object]()
     for study in studies:
         for name, record in study.records.items():
             files = (name, tuple(sorted(study.manifest.inputs.items())))
             observed = study.manifest.outputs.get(f"{name}-observations.csv", files)
-            different.setdefault(observed, (_name_record(study, record, studies), record))
-    return list(different.values())
+            if observed not in stored and not any(_is_same_test(record, other) for _, other in different):
+                different.append((_name_record(study, record, studies), record))
+            stored.add(observed)
+    return different
+
+
+def _is_same_test(one: RecordSummary, other: RecordSummary) -> bool:
+    """Whether two records hold the same observations, in whatever units they state."""
+    factors = find_factors(one.form.units, other.form.units)
+    if factors is None or one.observations is None or other.observations is None:
+        return False
+    return is_same_test(one.observations, other.observations, *factors)
 
 
 def _weigh_sharing(records: Sequence[tuple[str, RecordSummary]]) -> tuple[dict[str, Any], dict[str, Block]]:
@@ -243,7 +253,7 @@ def _build_tables(name: str, having: Sequence[StudySummary]) -> dict[str, Table]
 def _convert_predictions(table: pd.DataFrame, units: Mapping[str, Units]) -> bool:
     """Convert to the units of the first study and return whether all rows could be; ``units``: of each study."""
     to = next(iter(units.values()))
-    factors = [_find_factors(units[study], to) for study in table["study"]]
+    factors = [find_factors(units[study], to) for study in table["study"]]
     shown = (units[study] if None in factors else to for study in table["study"])
     table["units"] = [", ".join(filter(None, (own.force, own.length))) or report.NOTHING for own in shown]
     if None in factors:
@@ -252,17 +262,6 @@ def _convert_predictions(table: pd.DataFrame, units: Mapping[str, Units]) -> boo
     table["force"] = [float(f"{force:.9g}") for force in table["force"] * of_force]  # equal ones to the last digit
     table[_AMPLITUDES] = table[_AMPLITUDES].mul(of_length, axis=0)
     return True
-
-
-def _find_factors(own: Units, to: Units) -> tuple[float, float] | None:
-    """Factors of force and length from one system of units to another; None if unknown."""
-    if own == to:
-        return 1.0, 1.0
-    pairs = ((own.force, to.force), (own.length, to.length))
-    if any(find_powers(a) is None or find_powers(a) != find_powers(b) for a, b in pairs):
-        return None
-    of_force, of_length = (unit(a).factor / unit(b).factor for a, b in pairs)
-    return of_force, of_length
 
 
 def _tabulate_rankings(name: str, having: Sequence[StudySummary]) -> Table:

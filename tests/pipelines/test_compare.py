@@ -57,10 +57,10 @@ def study(
     return folder
 
 
-def power_study(folder: Path, rows: str) -> Path:
+def power_study(folder: Path, rows: str, **changes: Any) -> Path:
     """A study that found a power law and keeps its observations."""
     models = [{"rank": 1, "name": "velocity-power", "forces": [], "weight": 1.0, "held_out_error": 3.0}]
-    form = summary(rank={"format": "rank/1", "criterion": "c", "models": models})
+    form = summary(rank={"format": "rank/1", "criterion": "c", "models": models}, **changes)
     files = {"summary.json": json.dumps(form).encode(), "panel-observations.csv": rows.encode()}
     publish(folder, files, seed=1, versions={"numpy": "2"}, inputs={"panel.csv": digest(rows.encode())})
     return folder
@@ -111,6 +111,8 @@ def test_a_record_in_two_studies_counts_once(tmp_path, damping, peaks):
     manifest = json.loads((folders[2] / MANIFEST).read_text())
     manifest["inputs"]["STUDY.toml"] = "1" * 64  # as where a title was changed
     (folders[2] / MANIFEST).write_text(json.dumps(manifest))
+    converted = tabulate_rows(peaks(0.0254 * F ** (1.0 / 1.2), 4.4482216 * F, 10.0)).to_csv(index=False)
+    folders.append(power_study(tmp_path / "d", converted, units={"force": "N", "length": "m"}))
     assert damping("compare", *folders, "--out", tmp_path / "page.html").code == 0
     assert "each of 2 records (a: Panel" in Page((tmp_path / "page.html").read_text()).text
 

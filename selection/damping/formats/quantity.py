@@ -184,6 +184,17 @@ def factors(units: Units, to: str, *, source: str) -> Factors:
     return by
 
 
+def find_factors(own: Units, to: Units) -> tuple[float, float] | None:
+    """Factors of force and length from one system of units to another; None if unknown."""
+    if own == to:
+        return 1.0, 1.0
+    pairs = ((own.force, to.force), (own.length, to.length))
+    if any(find_powers(a) is None or find_powers(a) != find_powers(b) for a, b in pairs):
+        return None
+    of_force, of_length = (unit(a).factor / unit(b).factor for a, b in pairs)
+    return of_force, of_length
+
+
 def convert_record(record: Record, by: Factors, drive: str = "force") -> tuple[Record, list[str]]:
     """The record in the new system, and notes on columns whose unit is not known.
 

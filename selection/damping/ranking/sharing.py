@@ -43,6 +43,7 @@ NODES = np.linspace(0.5, 15.5, 16) / 16.0
 CLOSER_NODES = 8
 APART = 1e-3
 FINE = np.linspace(0.5, 3999.5, 4000) / 4000.0  #: prior quantiles for the integrals
+_SAME = 1e-5  #: relative difference up to which observations are of one test: conversions keep six digits or more
 TAIL = 0.05  #: probability outside either end of the intervals of a shape
 
 
@@ -93,6 +94,14 @@ def read_rows(table: pd.DataFrame) -> Observations:
         **{field: table[name].to_numpy(float) for name, field in _OF_ROWS.items()},
         **{name: of_sweep[name].to_numpy() for name in _OF_SWEEPS},
     )
+
+
+def is_same_test(one: Observations, other: Observations, of_force: float, of_length: float) -> bool:
+    """Whether two records hold the same observations; ``of_...``: factors from the units of ``one`` to the others."""
+    rows, others = (tabulate_rows(data).drop(columns="sweep") for data in (one, other))
+    for name in rows.columns[~rows.columns.str.endswith("_sd")]:  # which are relative
+        rows[name] *= of_force if "force" in name else of_length if "amplitude" in name else 1.0
+    return rows.shape == others.shape and np.allclose(rows, others, rtol=_SAME, atol=0.0)
 
 
 def share_shapes(records: Sequence[Groups], data: Sequence[Observations]) -> dict[str, SharedShape]:
