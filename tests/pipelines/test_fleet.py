@@ -578,6 +578,7 @@ def test_outliers_are_what_stands_apart():
     assert list(found["name"]) == ["r20", "r21"]
     assert all("overprediction" in why and "error" not in why for why in found["why"])
     assert tabulate_outliers(table.assign(linear_overprediction_percent=1.0, average_absolute_percent=np.nan)).empty
+    assert tabulate_outliers(table.iloc[[0, 1, 19]]).empty  # z = 12, which chance makes of three even values too
     copies = pd.concat([table[:20], *[table[9:10]] * 40], ignore_index=True)
     error = "average_absolute_percent"
     copies.loc[20:, error] += np.linspace(-1e-3, 1e-3, 40)  # each has a seed of its own
