@@ -87,6 +87,14 @@ def test_rows_at_resonance_only(lab, honest):
     assert not any("fewer than" in caution for caution in record_cautions(beside, honest(), lab.mode()))
 
 
+def test_peaks_beside_a_sweep_without_phases_stay_at_resonance(lab, honest):
+    """As the page of files says of a sweep of one row, and as a further sweep is planned beside them."""
+    table = honest(phase=None, phase_sd=None).table
+    peaks_and_sweep = Record(table[(table["sweep"] == "C") | highest(table)], "a record")
+    rows = read_rows(peaks_and_sweep, lab.mode())
+    assert [sorted(set(rows.resonant[run].tolist())) for run in rows.runs] == [[True], [True], [False]]
+
+
 def test_rows_with_a_phase_all_at_the_simulated_frequency(lab, honest):
     """One row a level, all at one frequency, as a tuned test gives them: no band, and an answer all the same."""
     at = honest({"levels": 4, "points": 21}, keep=highest)

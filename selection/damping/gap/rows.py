@@ -148,7 +148,7 @@ def read_rows(record: Record, mode: Mode) -> PhasorRows:
         u=np.log(record.column("amplitude")),
         phase=record.column("phase", 0.5 * pi),
         mass=record.masses(mode.mass) / mode.mass,
-        resonant=np.full(n, not record.has_phase and len(measured.sweeps) == n),
+        resonant=(np.bincount(measured.sweep)[measured.sweep] == 1) & (not record.has_phase),
         time=order_taken(record),
         label=np.asarray(1.0 + measured.sweep, float),
         up=find_direction(record),
