@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from damping.campaign.answer import LEAST_SPREAD, NORMAL_90, Campaign, ModeAnswer, predict_at, predict_mode
+from damping.campaign.answer import Campaign, ModeAnswer, PredictedMode, bound_ratio, predict_at, predict_mode
 from damping.campaign.comparison import EarlierCampaign, compare_predictions, describe_changes
 from damping.campaign.decays import answer_decays
 from damping.campaign.delays import describe_delay, measure_delay
@@ -23,10 +23,9 @@ from damping.campaign.responses import Forecast, add_responses, describe_turned,
 from damping.campaign.runs import CampaignRun, Corrections, DesignLevel
 from damping.campaign.sensors import check_drives, describe_shares
 from damping.campaign.sources import read_runs
-from damping.campaign.values import At, Bounds
+from damping.campaign.values import At
 from damping.errors import InputError
 from damping.extrapolation.curve import trace_loads
-from damping.extrapolation.prepared import PreparedRecord
 from damping.forces import damping_ratio
 from damping.formats.quantity import unit
 from damping.formats.series import Stated, Summary
@@ -151,35 +150,32 @@ def _forecast(
 
     The further levels are those at which responses are needed for notches.
     """
-    run = levels[0].run
-    of_force = (abs(mode.residues[mode.reference]) if run.is_base_driven else 1.0) * unit(run.drive_unit).factor
+    run, known = levels[0].run, len(levels)
+    per_input = float((abs(mode.residues[mode.reference]) if run.is_base_driven else 1.0) * unit(run.drive_unit).factor)
     tested = [find_input(level, at) for level, at in zip(levels, mode.frequency, strict=True)]
     wanted = [level.at(float(mode.frequency[-1])) for level in design]
-    asked = [*tested, *wanted]
+    inputs = [*tested, *wanted]
     if limited:
-        asked += map(float, np.geomspace(0.5 * min(tested), max(asked), NOTCH_LEVELS))
-    prediction = predict_mode(mode.record, mode.mode, [of_force * level for level in asked], seed)
-    loads, prepared = prediction.predicted.loads, prediction.prepared
-    curve = trace_loads(loads, prepared.backbone, prepared.data)
-    fitted = zip(levels, tested, loads.average.median, mode.frequency, mode.ratio, strict=False)
-    steady = [_find_steady(prepared, lev.name, of_force * F, A, float(f), float(z)) for lev, F, A, f, z in fitted]
+        inputs += np.geomspace(0.5 * min(tested), max(inputs), NOTCH_LEVELS).tolist()
+    prediction = predict_mode(mode.record, mode.mode, [per_input * level for level in inputs], seed)
+    curve = trace_loads(prediction.predicted.loads, prediction.prepared.backbone, prediction.prepared.data)
+    steady = [_find_steady(prediction, mode, level.name, k) for k, level in enumerate(levels)]
     moved = [_is_moved(f, z, float(at)) for at, (f, z) in zip(mode.frequency, steady, strict=True)]
-    straight = [lev for lev, bent in zip(levels, moved, strict=True) if not bent] or levels
-    places, shown = [], []
-    for k, (level, reached) in enumerate(zip(levels, tested, strict=True)):
-        ratio = Bounds.about(steady[k][1], NORMAL_90 * float(hypot(mode.ratio_sd[k], LEAST_SPREAD)))
-        errors = _find_errors(mode, level, k, *steady[k], read=moved[k])
-        cautions, stated = (*prediction.cautions(), *mode.cautions), float(level.run.level or 0.0)
-        if notched := reached != stated:
+    straight = [k for k in range(known) if not moved[k]] or range(known)  # levels whose fit holds at the resonance
+    shown = tuple(levels[k if k in straight else straight[-1]] for k in range(len(inputs)))
+    places = []
+    for k, (level, (frequency, z)) in enumerate(zip(levels, steady, strict=True)):
+        ratio, errors = bound_ratio(z, mode.ratio_sd[k]), _find_errors(mode, level, k, frequency, z, read=moved[k])
+        cautions, stated, reached = (*prediction.cautions(), *mode.cautions), float(level.run.level or 0.0), None
+        if tested[k] != stated:
+            reached = tested[k]
             cautions = (*cautions, f"notched: the input at this mode was {reached:.3g} {run.drive_unit}")
-        places.append(At(stated, True, steady[k][0], ratio, (), cautions, reached if notched else None, *errors))
-        shown.append(level if all(moved) or not moved[k] else straight[-1])
-    for k, at in enumerate(asked[len(levels) :], len(levels)):
+        places.append(At(stated, True, frequency, ratio, (), cautions, reached, *errors))
+    for k in range(known, len(inputs)):
         cautions = (*prediction.cautions(curve.cautions[k]), *mode.cautions)
-        places.append(predict_at(curve, k, at, cautions))
-        shown.append(straight[-1])
-    answer = prediction.answer(places, mode.left_out, [float(of_force * level) for level in wanted])
-    return Forecast(mode, answer, tuple(shown), is_steady=not prepared.measured.notes)
+        places.append(predict_at(curve, k, inputs[k], cautions))
+    answer = prediction.answer(places, mode.left_out, [per_input * level for level in wanted])
+    return Forecast(mode, answer, shown, is_steady=not prediction.prepared.measured.notes)
 
 
 def _answer_driven(
@@ -203,20 +199,20 @@ def _answer_driven(
     return replace(own.answer, places=answers, notches=tuple(chain.from_iterable(notches)), shape_caution=turned)
 
 
-def _find_steady(
-    prepared: PreparedRecord, sweep: str, force: float, amplitude: float, frequency: float, ratio: float
-) -> tuple[float, float]:
-    """Frequency (Hz) and damping ratio of a level: as fitted, or F/(2 m w^2 A) at the phase resonance of its rows.
+def _find_steady(prediction: PredictedMode, mode: DrivenMode, sweep: str, k: int) -> tuple[float, float]:
+    """Frequency (Hz) and damping ratio of level number ``k``: as fitted, or F/(2 m w^2 A) at its phase resonance.
 
-    Steady states of swept rows are at resonance under less force than was swept with, and so at another damping:
-    ``amplitude`` is that under the full ``force``, by the laws of all levels; if it is NaN, the tested one is used.
+    Steady states of swept rows are at resonance under less force than was swept with, and so at another damping: their
+    A is that ``prediction`` gives under the full force, by the laws of all levels, or the tested one if there is none.
     """
-    data, k = prepared.data, list(prepared.data.sweeps).index(sweep)
-    w, A, F = float(data.tested_omega[k]), float(data.tested_amplitude[k]), float(data.tested_force[k])
+    prepared, loads, frequency, ratio = prediction.prepared, prediction.predicted.loads, mode.frequency, mode.ratio
+    data, at = prepared.data, list(prepared.data.sweeps).index(sweep)
+    w, A, F = float(data.tested_omega[at]), float(data.tested_amplitude[at]), float(data.tested_force[at])
     swept = bool(prepared.measured.notes)
-    if not swept and not _is_moved(w / (2.0 * pi), ratio, frequency):
-        return frequency, ratio
-    A, F = (amplitude, force) if swept and isfinite(amplitude) else (A, F)
+    if not swept and not _is_moved(w / (2.0 * pi), float(ratio[k]), float(frequency[k])):
+        return float(frequency[k]), float(ratio[k])
+    if swept and isfinite(loads.average.median[k]):
+        A, F = loads.average.median[k], float(loads.force[k])
     return w / (2.0 * pi), damping_ratio(F, A, prepared.mode.mass * w**2)
 
 

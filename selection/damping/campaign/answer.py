@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
+from math import hypot
 from typing import Any
 
 import numpy as np
@@ -21,8 +22,7 @@ from damping.records.view import Finding
 
 LEVEL = 0.9  #: content of the bands of a campaign
 NORMAL_90 = 1.645  #: half of a 90 % band in standard deviations
-#: Least relative standard uncertainty of a measured damping ratio, for noise of the drive and calibration.
-LEAST_SPREAD = 0.01
+LEAST_SPREAD = 0.01  #: least relative standard uncertainty of a damping ratio, by noise of the drive and calibration
 
 
 @dataclass(frozen=True)
@@ -89,6 +89,11 @@ def predict_mode(record: Record, mode: Mode, forces: Sequence[float], seed: int)
     predicted = predict_record(prepared, np.array(forces, dtype=float), (), LEVEL, seed, fresh=False)
     law = weigh_laws(prepared.all_rows, seed, candidate_laws()).candidates[0].name
     return PredictedMode(record, mode, prepared, predicted, law)
+
+
+def bound_ratio(ratio: float, sd: float) -> Bounds:
+    """The band of a measured damping ratio of relative standard error ``sd``."""
+    return Bounds.about(ratio, NORMAL_90 * hypot(sd, LEAST_SPREAD))
 
 
 def predict_at(

@@ -5,15 +5,15 @@ leave of the other modes is rejected by the window of ``signals.ringdown``.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from math import hypot, pi
+from dataclasses import dataclass
+from math import pi
 from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
 
-from damping.arrays import FloatArray, interpolate_logs
-from damping.campaign.answer import LEAST_SPREAD, LEVEL, NORMAL_90, Campaign, ModeAnswer, predict_at, predict_mode
+from damping.arrays import FloatArray, Floats, interpolate_logs
+from damping.campaign.answer import LEVEL, NORMAL_90, Campaign, ModeAnswer, bound_ratio, predict_at, predict_mode
 from damping.campaign.decay_shapes import describe_unshaped, find_loudest, find_shapes, list_unused
 from damping.campaign.runs import CampaignRun, Channel, DesignLevel
 from damping.campaign.sensors import find_unfit_sensors
@@ -171,41 +171,38 @@ def _answer_mode(run: CampaignRun, mode: DecayMode, design: Sequence[DesignLevel
 
     All are in the unit of the first sensor, so that levels of all modes can be compared.
     """
-    sensor = run.channels[mode.reference]
     table = mode.record.frame.sort_values("amplitude", ignore_index=True)
+    order, factor = ORDERS[run.channels[mode.reference].quantity], 1.0 / _find_factor(run.channels[0])
+
+    def read(amplitude: Floats, omega: Floats) -> Floats:  # levels are readings of the sensor
+        return amplitude * omega**order * factor
+
     backbone, top = find_backbone(mode.record, mode.mode), float(mode.tops.max())
-    # reading of the sensor along the backbone: levels are readings
     along = np.geomspace(float(table["amplitude"].iloc[0]) / REACH, REACH * top, _ALONG)
     hertz = backbone.frequency_at(along, LEVEL).median
     along, hertz = along[np.isfinite(hertz)], hertz[np.isfinite(hertz)]
-    size = 1.0 / _find_factor(run.channels[0])
-    reading = along * (2.0 * pi * hertz) ** ORDERS[sensor.quantity] * size
-    measured = table[table["amplitude"].isin(mode.tops)]
-    places = []
-    for row in measured.to_dict("records"):
-        w, A, F = 2.0 * pi * float(row["frequency"]), float(row["amplitude"]), float(row["force"])
-        z, sd = damping_ratio(F, A, w**2), float(row["force_sd"]) / F
-        spread, f = NORMAL_90 * hypot(sd, LEAST_SPREAD), float(row["frequency"])
-        level = A * w ** ORDERS[sensor.quantity] * size
-        ratio = Bounds.about(z, spread)
-        response = tuple(_list_shaped(run, mode, level))
-        # the slopes of the phase and of the logarithm of amplitude have one error
-        places.append(At(level, True, f, ratio, response, mode.cautions, None, f * z * sd, z * sd))
-    beyond = [level.at(float(mode.mode.frequency)) for level in design] or [2.0 * places[-1].level]
+    reading = np.asarray(read(along, 2.0 * pi * hertz))
+    measured = table[table["amplitude"].isin(mode.tops)].to_dict("records")
+    tested = [float(read(row["amplitude"], 2.0 * pi * row["frequency"])) for row in measured]
+    beyond = [level.at(float(mode.mode.frequency)) for level in design] or [2.0 * tested[-1]]
     far = [level for level in beyond if not reading[0] <= level <= reading[-1]]
     if far:
-        why = f"level {far[-1]:.4g} {run.channels[0].unit} is too far from the tested {places[-1].level:.4g}"
+        why = f"level {far[-1]:.4g} {run.channels[0].unit} is too far from the tested {tested[-1]:.4g}"
         raise InputError(why, expected=f"from {reading[0]:.4g} to {reading[-1]:.4g}")
-    asked = interpolate_logs(beyond, reading, along)
     prediction = predict_mode(mode.record, mode.mode, [float(table["force"].iloc[-1])], seed)
-    places = [replace(at, cautions=(*at.cautions, *prediction.cautions())) for at in places]
-    loads = predict_forces(prediction.predicted, asked, each=False)
-    curve = trace_loads(loads, backbone, prediction.prepared.data)
+    places, cautions = [], (*mode.cautions, *prediction.cautions())
+    for row, level in zip(measured, tested, strict=True):
+        f, F, sd = row["frequency"], row["force"], row["force_sd"] / row["force"]
+        z = damping_ratio(F, row["amplitude"], (2.0 * pi * f) ** 2)
+        errors = f * z * sd, z * sd  # the slopes of the phase and of the logarithm of amplitude have one error
+        response = tuple(_list_shaped(run, mode, level))
+        places.append(At(level, True, f, bound_ratio(z, sd), response, cautions, None, *errors))
+    asked = interpolate_logs(beyond, reading, along)
+    curve = trace_loads(predict_forces(prediction.predicted, asked, each=False), backbone, prediction.prepared.data)
     for k, level in enumerate(beyond):
         cautions = (*mode.cautions, *prediction.cautions(curve.cautions[k]))
         places.append(predict_at(curve, k, level, cautions, tuple(_list_shaped(run, mode, level))))
-    forces = [float(force) for force in curve.force.median if np.isfinite(force)]
-    return prediction.answer(places, mode.left_out, forces)
+    return prediction.answer(places, mode.left_out, curve.force.median[np.isfinite(curve.force.median)].tolist())
 
 
 def _list_shaped(run: CampaignRun, mode: DecayMode, level: float) -> Iterator[Response]:
