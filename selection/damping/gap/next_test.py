@@ -10,7 +10,7 @@ outside the tested range also shows effects that no model of the record holds.
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
+from itertools import chain, compress
 from pathlib import Path
 from shlex import join
 
@@ -35,15 +35,13 @@ from damping.gap.weighing import COVER, EXCLUDED, INDISTINCT, Explanation, count
 #: Least expected log odds D of a test worth its time: the outcome scatters by sqrt(2 D), so for D = 6 it exceeds 3,
 #: 20 to 1, in four of five.
 WORTH = 6.0
-#: A test must settle the case this many standard deviations sqrt(2 D) below D: it then does in 39 of 40.
-SURELY = 2.0
+SURELY = 2.0  #: a test must settle the case this many standard deviations sqrt(2 D) below D: it then does in 39 of 40
 #: Least force of a proposed test over 4/pi times friction, the damping force at the smallest motion: below 1 there is
 #: no resonance, and close above 1 its amplitude is all but infinitely sensitive to the friction.
 LEAST_FORCE = 1.5
 STILL = 1e-6  #: the smallest motion at which damping is asked for, over the smallest that was measured
 MOST_RIVALS = 6  #: explanations compared with the leading one; for others no log odds are predicted
-#: Largest log odds reported: beyond it any model is as good as certain, and no model is that good.
-CERTAIN = 100.0
+CERTAIN = 100.0  #: largest log odds reported: beyond it any model is as good as certain, and no model is that good
 
 _SWEEP = ("force", "frequency", "amplitude")
 #: Columns of a record that further rows must fill too, to say as much as the others.
@@ -141,18 +139,22 @@ def rank_tests(
         unexplained: whether the leading explanation leaves more than noise. As in an answer, no measurement then counts
             beyond first harmonics of one state: a test leaves the rest as unexplained as it is.
     """
-    leading, rivals = listed[0].hypothesis.best, listed[1 : 1 + MOST_RIVALS]
-    if not (blames := bool(listed[0].effects)):
+    leading, blames, rivals = listed[0].hypothesis.best, bool(listed[0].effects), listed[1 : 1 + MOST_RIVALS]
+    if not blames:
         rivals = [rival for rival in rivals if distance(leading, rival.hypothesis.best) > INDISTINCT]
     if not rivals:
         return ()
     named = {explanation.effects for explanation in (listed[0], *rivals)}
     every = [listed[0], *rivals, *(explanation for explanation in fitted if explanation.effects not in named)]
+    compared = [*(rival.hypothesis.best for rival in every[1 : 1 + MOST_RIVALS]), *(own.best for own in imitations)]
+    runs = _predict_runs(leading, compared)
+    if not runs:  # by the leading explanation friction holds the mode in every one
+        return ()
     filled = (*_SWEEP, *(name for name in _KEPT if name in columns))
 
-    def foresee(*runs: _Run) -> NextTest:
-        odds, probability = _foresee(runs, len(rivals), every, in_library, imitations, unexplained=unexplained)
-        return _describe_test(runs, odds, probability, filled, unit, command)
+    def foresee(*joined: _Run) -> NextTest:
+        odds, probability = _foresee(joined, compared, len(rivals), every, in_library, imitations, unexplained)
+        return _describe_test(joined, odds, probability, filled, unit, command)
 
     def foresee_pairs(first: _Run) -> list[NextTest]:
         return [foresee(first, run) for run in runs if run is not first and run.design.joins(first.design)]
@@ -160,23 +162,20 @@ def rank_tests(
     def is_worth(test: NextTest) -> bool:
         return test.expected_log_odds > WORTH and (blames or test.is_beyond)
 
-    compared = [rival.hypothesis for rival in every[1 : 1 + MOST_RIVALS]]
-    runs = _predict_runs(leading, [rival.best for rival in (*compared, *imitations)])
-    if not runs:  # by the leading explanation friction holds the mode in every one
-        return ()
-    tests = [(run, foresee(run)) for run in runs]
-    worth = [test for _, test in tests if is_worth(test)]
-    if not worth:  # no test excludes some rivals; tests may exclude the others
-        most = [max(_odds([run.misfits[at]], rival.hypothesis.best) for run in runs) for at, rival in enumerate(rivals)]
-        excludable = [rival for rival, odds in zip(rivals, most, strict=True) if odds > WORTH]
-        if 0 < len(excludable) < len(rivals):
-            fewer = [listed[0], *excludable]
+    tests = [foresee(run) for run in runs]
+    worth = [test for test in tests if is_worth(test)]
+    if worth:
+        surest = max(worth, key=lambda test: test.probability)
+        if surest.probability < COVER:
+            worth += [pair for pair in foresee_pairs(runs[tests.index(surest)]) if pair.probability >= COVER]
+    else:  # no test excludes every rival: two may together; else rivals that none excludes are left out
+        odds = np.array([[_odds([run.misfits[k]], compared[k]) for run in runs] for k in range(len(rivals))])
+        excluded = odds.max(axis=1) > WORTH
+        if excluded.all():
+            worth = [pair for pair in foresee_pairs(runs[odds[0].argmax()]) if is_worth(pair)]
+        elif excluded.any():
+            fewer = [listed[0], *compress(rivals, excluded)]
             return rank_tests(fewer, fitted, in_library, command, unit, columns, imitations, unexplained=unexplained)
-        first = max(runs, key=lambda run: _odds([run.misfits[0]], rivals[0].hypothesis.best))
-        worth = [pair for pair in foresee_pairs(first) if is_worth(pair)] if excludable else []
-    elif max(test.probability for test in worth) < COVER:
-        first = next(run for run, test in tests if test is max(worth, key=lambda test: test.probability))
-        worth += [pair for pair in foresee_pairs(first) if pair.probability >= COVER]
     return tuple(sorted(worth, key=lambda test: -min(test.probability, COVER)))  # tests that settle it stay in order
 
 
@@ -201,28 +200,28 @@ def _resonates(terms: Terms, rows: PhasorRows) -> bool:
 
 def _foresee(
     runs: Sequence[_Run],
+    compared: Sequence[ModelFit],
     rivals: int,
     every: Sequence[Explanation],
     in_library: float,
     imitations: Sequence[Hypothesis],
-    *,
     unexplained: bool,
 ) -> tuple[float, float]:
     """Expected log odds of all runs together, and the probability of the first explanation after them.
 
-    ``every``: all that were fitted, the first and its ``rivals`` before the others. A test that discriminates against
-    one rival only leaves the others as they are: the log odds are -ln sum p e^-D.
+    ``compared``: fits of the explanations after the first, then of the ``imitations``. ``every``: all that were fitted,
+    the first and its ``rivals`` before the others. A test that discriminates against one rival only leaves the others
+    as they are: the log odds are -ln sum p e^-D.
     """
-    among = len(runs[0].misfits) - len(imitations)
-    compared = [*(rival.hypothesis for rival in every[1 : 1 + among]), *imitations]
-    odds = np.array([_odds([run.misfits[at] for run in runs], rival.best) for at, rival in enumerate(compared)])
+    others = len(compared) - len(imitations)
+    odds = np.array([_odds([run.misfits[k] for run in runs], rival) for k, rival in enumerate(compared)])
     surely = odds - SURELY * np.sqrt(2.0 * odds)
     gained = np.zeros(len(every))  # nothing is predicted for those not compared
-    gained[1 : 1 + among] = surely[:among]
+    gained[1 : 1 + others] = surely[:others]
     p = np.array([rival.probability for rival in every[1 : 1 + rivals]])
     listed, first = every[: 1 + rivals], every[0].hypothesis
     behind = [first.log_posterior - imitation.log_posterior for imitation in imitations]
-    excluded = bool(np.all(behind + surely[among:] > EXCLUDED))
+    excluded = bool(np.all(behind + surely[others:] > EXCLUDED))
     now = 0 if imitations or unexplained else count_beyond(listed)
     beyond = count_beyond(listed, *(run.predicted for run in runs)) if excluded and not unexplained else 0
     expected = -float(logsumexp(-odds[:rivals], b=p / p.sum()))
