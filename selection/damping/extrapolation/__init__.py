@@ -44,8 +44,7 @@ from damping.ranking import Candidate, Ranking
 from damping.ranking.candidates import resonant_laws
 from damping.records.mode import Mode
 
-#: Fewest levels below a held-out level.
-FEWEST_BELOW = 2
+FEWEST_BELOW = 2  #: fewest levels below a held-out level
 #: Fresh draws of a law for each hundredth of its weight, plus the same number once: the upper end of the Saturn V's
 #: band at three times the tested force then differs by 1.0 % from seed to seed.
 FRESH_DRAWS = 1536
@@ -54,10 +53,8 @@ LEAST_GAIN = 0.01
 #: Forces predicted at once: the draws at each take up to 4 MB until their quantiles are known. Each block draws the
 #: paths anew: fewer and larger ones take less time.
 AT_ONCE = 16
-#: Ends of a drawn band, over the smallest tested force and over the largest that is tested or requested: the outermost
-#: points then stand apart from the frame.
-DRAWN_FROM = 0.8
-DRAWN_TO = 1.05
+DRAWN_FROM = 0.8  #: lower end of a drawn band over the smallest tested force: that point stands apart from the frame
+DRAWN_TO = 1.05  #: upper end over the largest force that is tested or requested, for the same reason
 DRAWN = 60  #: forces of a drawn band
 
 

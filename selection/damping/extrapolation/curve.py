@@ -38,23 +38,17 @@ from damping.records.keys import LARGEST, SMALLEST
 
 #: Steepest local exponent d ln F/d ln A that damping can have: it sets the range of the grid of forces.
 STEEPEST = 1.0 / SLOPES[0]
-#: Fewest forces of that grid, and largest ln of the ratio of two neighbours. ln A is interpolated linearly in ln F; the
-#: fine step keeps the force for one amplitude independent of the other amplitudes requested.
-GRID = 20
-STEP = 0.5
+GRID = 20  #: fewest forces of that grid; ln A is interpolated linearly in ln F
+STEP = 0.5  #: largest step of ln F: so fine that the force for one amplitude is independent of the others requested
 #: Grid forces from one that moves no draw to one that moves nearly all: where friction holds the mode, A falls to 0
 #: linearly and not as a power.
 FRICTION = 16
-#: For a decay, whose force may hardly change: largest ratio of amplitudes over a step of forces, most parts that a step
-#: is split into, and rounds of splitting; a force is then known to a sixtieth of the step.
-LEAP = 2.0
-MOST_PARTS = 8
-TURNS = 2
+LEAP = 2.0  #: largest ratio of amplitudes over a step of forces in a decay, whose force may hardly change
+MOST_PARTS = 8  #: most parts that a step of larger ratio is split into
+TURNS = 2  #: rounds of splitting: a force is then known to a sixtieth of the step
 _MARGIN = 2.5  #: factor of the grid beyond the force of the steepest law, for the ends of a band
-#: Amplitudes within the test of a default curve, beside those of the levels; a level nearer than this, in ln, to one of
-#: them gets no further row.
-WITHIN = 9
-SAME = 0.02
+WITHIN = 9  #: amplitudes within the test of a default curve, beside those of the levels
+SAME = 0.02  #: distance in ln from one of them within which a level gets no further row
 #: Caution on a predicted amplitude without a damping ratio.
 NO_RATIO = "no damping ratio: the frequency of the resonance is not known at this amplitude"
 #: Amplitudes of a plot: over two decades they lie 1.12 times apart; the damping peak of a joint is 1.4 times wide.

@@ -104,11 +104,12 @@ def find_bend(x: FloatArray, y: FloatArray, levels: IntArray, scatter: float, fr
 #: Shift of the resonance, in half-power bandwidths, from which a mode counts as bistable: at 0.77, 4/(3 sqrt(3)), a
 #: cubic spring makes the response curve vertical; the margin is for the error of the mass.
 BISTABLE = 1.0
-#: Cautions of bistability, with the shift in bandwidths: for measured resonances, and for a predicted one.
+#: Caution of bistability for measured resonances, with the shift in bandwidths.
 OF_LEVELS = (
     "the resonance moved by {:.1f} half-power bandwidths over the levels: the mode is bistable at high drive "
     "and its amplitude depends on how it is driven there"
 )
+#: The same for a predicted resonance.
 OF_PREDICTED = (
     "the resonance is predicted to move by {:.1f} half-power bandwidths from that of the lowest level: the mode is "
     "bistable there, and a sweep may jump before it reaches this amplitude"

@@ -13,9 +13,9 @@ from damping.forces.joints import lose_stiffness
 #: Powers of amplitude in which frequency may change: of a joint that slips fully (S/A in A^-1/2 and below) or in part,
 #: of a quadratic and of a cubic spring (A, A^2), and between them.
 POWERS = (-0.5, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)
-#: Slip limits of joints, over the largest tested amplitude: joints of one limit, and the largest limit of joints whose
-#: limits are spread evenly from 0. Joints lose no more stiffness than they have.
+#: Slip limits of joints of one limit, over the largest tested amplitude. Joints lose no more stiffness than they have.
 LIMITS = tuple(np.geomspace(0.04, 0.96, 96).tolist())
+#: Largest limits of joints whose limits are spread evenly from 0, over the same amplitude.
 LARGEST_LIMITS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 #: Prior probability that frequency does not change at all, which is rare in structures that are driven harder.
 CONSTANT = 0.1

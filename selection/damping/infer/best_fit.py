@@ -30,22 +30,17 @@ from damping.infer.likelihood import residuals
 from damping.infer.observations import FITTED_BITS, Observations, round_bits
 
 REWEIGHTINGS = 12  #: passes of reweighting, which converges quadratically: a dozen reach rounding
-#: Share of the force below which a coefficient is taken as rounding.
-NOTHING = 1e-12
-#: Relative change of the sum of squares at which reweighting stops: in the final fit, and while shapes are searched.
-STEADY = 1e-12
-SEARCHED = 1e-7
+NOTHING = 1e-12  #: share of the force below which a coefficient is taken as rounding
+STEADY = 1e-12  #: relative change of the sum of squares at which reweighting stops in the final fit
+SEARCHED = 1e-7  #: the same while shapes are searched: a tenth of what ``SEARCHED_BITS`` can tell
 #: Binary digits of the squares compared in that search. Of equal points that of largest prior is taken, so that the
 #: result does not depend on the order of the rows.
 SEARCHED_BITS = 20
 #: Squares taken as rounding: of a row that is 1e-8 off. Many shapes leave no more where a law can fit every point.
 EXACT = 1e-12
-#: Prior quantiles at which a shape parameter is tried before it is refined: 24 of equal probability.
-SHAPE_GRID = (np.arange(24) + 0.5) / 24.0
-#: Prior quantiles between which a shape is refined; width at which the search ends, in standard normal variables:
-#: squares are then known to a millionth.
-EXTREME = (0.001, 0.999)
-SHAPE_STEP = 2e-3
+SHAPE_GRID = (np.arange(24) + 0.5) / 24.0  #: prior quantiles at which a shape is tried first: 24 of equal probability
+EXTREME = (0.001, 0.999)  #: prior quantiles between which it is then refined
+SHAPE_STEP = 2e-3  #: width at which that ends, in standard normal variables: squares are then known to a millionth
 REFINED_POINTS = 9  #: points of each axis in a refinement, from one neighbour of the best point to the other
 MOST_SOLVED = 30_000  #: most rows times shape points solved at once: arrays stay within a megabyte
 

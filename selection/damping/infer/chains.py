@@ -40,11 +40,9 @@ Quantities = Callable[[FloatArray], Mapping[str, FloatArray]]
 #: Share of a run discarded at its beginning: walkers start on draws of the posterior, so little is needed.
 BURN_IN = 0.1
 TAILS = (0.05, 0.95)  #: quantiles that represent the tails of a quantity
-#: Factor by which a run that has not converged is extended before the next check.
-GROWTH = 1.5
-#: Most rows times draws that a walker weighs at a step, and fewest of these draws.
-_MOST_TRIED = 16_000
-_FEWEST_TRIES = 4
+GROWTH = 1.5  #: factor by which a run that has not converged is extended before the next check
+_MOST_TRIED = 16_000  #: most rows times draws that a walker weighs at a step
+_FEWEST_TRIES = 4  #: fewest of these draws, however many the rows
 
 
 @dataclass(frozen=True)

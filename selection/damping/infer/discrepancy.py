@@ -31,9 +31,9 @@ from scipy.special import log_ndtr, logsumexp
 from damping.arrays import FloatArray
 
 LENGTH = 1.5  #: correlation length of the slope in ln F: about a factor of four in force
-#: Prior of sigma per unit of nonlinearity: median and log standard deviation, so that 5 % lie below 0.0035
-#: and 5 % above 0.5. Tested on structures of the kinds of ``damping calibrate``, in and out of the library.
-DISCREPANCY_MEDIAN = 0.04
+DISCREPANCY_MEDIAN = 0.04  #: prior median of sigma per unit of nonlinearity; tested as the next
+#: Log standard deviation of that prior, so that 5 % lie below 0.0035 and 5 % above 0.5. Tested on structures of the
+#: kinds of ``damping calibrate``, in and out of the library.
 DISCREPANCY_LOG_SD = 1.5
 LINEAR = 0.04  #: nonlinearity |q - 1| of a law that seems linear: over a narrow test many are
 #: Nonlinearity of damping that grows slower than amplitude (q > 1), over that of damping that grows faster: friction
@@ -46,10 +46,9 @@ LIKELY = 0.5  #: probability of a joint from which a slipping joint is reported
 #: Standard deviation of a joint's fall f >= 0 (half-normal): the fall of a Masing loop, 1.5 to 9 times its loss, times
 #: the joint's share of the loss and the share of its fall within the test.
 JOINT_FALL = 1.0
-#: Other causes that move the resonance, up or down, with or without a joint: standard deviations of f and their
-#: probabilities. Mostly next to nothing; geometric springs may have any size, unrelated to the loss.
+#: Standard deviations of f by other causes, with or without a joint: geometric springs may have any size, up or down.
 OTHER_FALLS = np.array([0.03, 0.3, 3.0, 30.0])
-OTHER_SHARES = np.array([0.7, 0.1, 0.1, 0.1])
+OTHER_SHARES = np.array([0.7, 0.1, 0.1, 0.1])  #: their probabilities: mostly such causes do next to nothing
 #: Prior median of the relative scatter of a measured resonance frequency, with the weight of one level.
 FREQUENCY_SCATTER = 3e-4
 #: Factor by which upward discrepancy is smaller where a joint is excluded: above 1.4 a damper that saturates exceeds
@@ -62,20 +61,19 @@ LETS_GO = 0.45
 #: above it most of the joint slips already. From the slopes of joints of ``damping calibrate`` from one to four times
 #: the tested force.
 FALLS_AT_GO = (0.5, 1.0)
-#: The same deviation where no resonance tells a joint from a damper, for a law with |q - 1| of at least ``BENT``; for
-#: others in proportion. Iwan joints of ``damping calibrate`` tested at one frequency exceed the band in 6 of 20 trials
-#: with 0.35, in 5 with 0.6.
+#: The same deviation where no resonance tells a joint from a damper. Iwan joints of ``damping calibrate`` tested at one
+#: frequency exceed the band in 6 of 20 trials with 0.35, in 5 with 0.6.
 UNTOLD = 0.6
-BENT = 0.5
+BENT = 0.5  #: least |q - 1| of a law for which that holds; for others it is smaller in proportion
 #: Standard deviation of ln slope, upwards, where damping but no joint fails at the top of the test, for a linear law;
 #: for others less in proportion. An eddy-current damper tested to 77 % of its critical speed has slopes of 2.2 from 1
 #: to 2 times the tested force, twice those of the levels.
 FAILS = 1.0
-#: Places in ln F beyond the test at which paths are drawn: first step, and ratio of successive steps. They do not
-#: depend on the forces asked for, so that a prediction at one force does not change with another. Steps a third as long
-#: move the upper end of the Saturn V's band at three times the tested force by 1.6 %.
+#: First step in ln F beyond the test between places at which paths are drawn. They do not depend on the forces asked
+#: for, so that a prediction at one force does not change with another. Steps a third as long move the upper end of the
+#: Saturn V's band at three times the tested force by 1.6 %.
 FIRST_STEP = 0.15
-STEP_GROWTH = 1.1
+STEP_GROWTH = 1.1  #: ratio of successive steps
 #: Range of slopes that damping can have: p from 4 (a Bouc-Wen joint of exponent 3 that begins to slip, C/A of A^3,
 #: steeper than any force measured on structures) down to 1/3 (full slip).
 SLOPES = (0.25, 3.0)

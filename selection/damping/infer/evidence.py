@@ -19,17 +19,14 @@ from damping.infer.importance import BRIEF_DRAWS, FULL_DRAWS, Evidence, importan
 from damping.infer.law import Coordinates
 from damping.infer.observations import Observations, round_bits
 
-#: First step of a difference quotient, and its range, in standard normal variables.
-FIRST_STEP = 1e-3
-STEP_RANGE = (1e-5, 1e-2)
+FIRST_STEP = 1e-3  #: of a difference quotient, in standard normal variables, before the width of the posterior is known
+STEP_RANGE = (1e-5, 1e-2)  #: range of its later steps, in the same unit
 STEP_PER_SD = 0.3  #: step of a difference quotient in standard deviations of the posterior along that axis
 STEP_SHARES = np.array([1.0, 0.5, 0.2, 0.05, 0.01])  #: shares of a Newton step, tried at once
-#: Most Newton steps; gain of log density below which the mode is reached, accurate enough to start draws.
-MOST_STEPS = 20
-STILL = 1e-2
+MOST_STEPS = 20  #: most Newton steps
+STILL = 1e-2  #: gain of log density below which the mode is reached, accurate enough to start draws
 START_BITS = 12  #: binary digits of the start of the search, so that rounding in other units does not move it
-#: Prior points, the best of which starts a second search.
-STARTS = 512
+STARTS = 512  #: prior points, the best of which starts a second search
 #: Standard normal variables of scatters and discrepancy at which the search from the best fit may start.
 SCORES = (-2.0, -1.0, 0.0, 1.0, 2.0, 3.0)
 APART = 1.0  #: distance, in joint standard deviations, from which two modes are distinct

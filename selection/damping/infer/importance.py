@@ -16,27 +16,20 @@ from damping.arrays import FloatArray
 from damping.infer.proposal import Proposal, fill_space
 
 ROUNDS = (2048, 1024, 1024, 2048, 4096, 8192)  #: draws of each round: more where few were not enough
-#: Effective draws of a first look at a law (marginal likelihood to 6 %), and of a full estimate (3 %).
-BRIEF_DRAWS = 250
-FULL_DRAWS = 1000
+BRIEF_DRAWS = 250  #: effective draws of a first look at a law: its marginal likelihood is then known to 6 %
+FULL_DRAWS = 1000  #: effective draws of a full estimate: to 3 %
 #: Least effective draws to which a proposal is fitted: with fewer, weights are tempered until there are as many.
 FITTED_TO = 20.0
-#: Effective draws that suffice after ``ROUNDS``, and most rounds to reach them: a narrow ridge (a joint that slips
-#: almost fully) is found step by step.
-LEAST_DRAWS = 200.0
-MOST_ROUNDS = 16
-#: Effective draws for which a law is negligible if its ln evidence is ``MISSED`` below the floor. The margin grows in
-#: inverse proportion to fewer draws, down to ``LEAST_JUDGED``. Of 6700 estimates on 220 simulated records no law with
-#: half a per cent was dropped by mistake.
-JUDGED_BY = 50.0
-LEAST_JUDGED = 10.0
+LEAST_DRAWS = 200.0  #: effective draws that suffice after ``ROUNDS``
+MOST_ROUNDS = 16  #: to reach them: a narrow ridge (a joint that slips almost fully) is found step by step
+#: ln evidence below the floor from which a law is negligible, for what draws may have missed. With this and the next
+#: two, no law with half a per cent was dropped by mistake in 6700 estimates on 220 simulated records.
 MISSED = 3.0
-#: A law with ln evidence less than this above the floor has less than a tenth of the largest weight. This share of the
-#: effective draws is enough for it: its weight is then still known better than the largest one.
-IMPORTANT = 4.6
-OF_UNIMPORTANT = 0.5
-#: Change of ln evidence in a round below which it has converged.
-SETTLED = 0.1
+JUDGED_BY = 50.0  #: effective draws from which that margin holds; for fewer it is larger in inverse proportion
+LEAST_JUDGED = 10.0  #: effective draws below which no law is taken as negligible
+IMPORTANT = 4.6  #: ln evidence above the floor below which a law has less than a tenth of the largest weight
+OF_UNIMPORTANT = 0.5  #: share of the effective draws for such a law: its weight is still known better than the largest
+SETTLED = 0.1  #: change of ln evidence in a round below which it has converged
 CLOSE = 0.25  #: share of effective draws in the first round above which no adaptation is needed
 _HALVINGS = 20  #: bisections for the tempering exponent: to 1e-6
 _fill_space = lru_cache(maxsize=16)(fill_space)  #: shared by all laws of as many variables; at most 9 MB

@@ -32,15 +32,13 @@ from damping.forces.shapes import Shape, Tested
 from damping.infer.discrepancy import DISCREPANCY_LOG_SD, DISCREPANCY_MEDIAN, nonlinearity
 from damping.infer.observations import DRAWN_BITS, Observations, round_bits
 
-#: Standard deviation of ln(total): a factor e between a law and the measured force at the reference.
-TOTAL_LOG_SD = 1.0
-#: Median and log standard deviation of a relative scatter: 90 % of the prior lies between 0.3 % and 4 %, from stepped
-#: sine in a laboratory to repeat tests of large structures.
-SCATTER_MEDIAN = 0.011
+TOTAL_LOG_SD = 1.0  #: standard deviation of ln(total): a factor e between a law and the measured force at the reference
+SCATTER_MEDIAN = 0.011  #: prior median of a relative scatter
+#: Log standard deviation of that prior: 90 % lie between 0.3 % and 4 %, from stepped sine in a laboratory to repeat
+#: tests of large structures.
 SCATTER_LOG_SD = 0.8
-#: Range of the shares of a component, and largest standard normal variable, at the start of a search for the mode.
-SHARE_RANGE = (0.02, 0.98)
-LARGEST_SCORE = 3.0
+SHARE_RANGE = (0.02, 0.98)  #: of a component at the start of a search for the mode: the prior vanishes at 0 and 1
+LARGEST_SCORE = 3.0  #: largest standard normal variable there
 
 
 @dataclass(frozen=True)

@@ -22,13 +22,12 @@ from damping.records.resonance import number_levels, tabulate_resonances
 from damping.records.rows import SweepRows, read_sweep_rows
 from damping.records.runs import ERROR_OF_RISE
 
-#: Most rows and sweeps of a record, so that laws are fitted in minutes, not hours.
-MOST_ROWS = 20_000
-MOST_SWEEPS = 100
-#: Binary digits to which observations are rounded for sampling, and for best fits. The rounding errors of other units,
-#: a hundred million times smaller, then hardly ever change one; a single change gives entirely different draws.
+MOST_ROWS = 20_000  #: of a record, so that laws are fitted in minutes, not hours
+MOST_SWEEPS = 100  #: of a record, for the same reason
+#: Binary digits to which observations are rounded for sampling. The rounding errors of other units, a hundred million
+#: times smaller, then hardly ever change one; a single change gives entirely different draws.
 DRAWN_BITS = 26
-FITTED_BITS = 40
+FITTED_BITS = 40  #: the same for best fits, which a single change moves by as little
 ROUNDING = 1e-14  #: relative difference of two squares taken as rounding
 
 

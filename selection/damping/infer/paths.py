@@ -19,10 +19,9 @@ from damping.arrays import FloatArray
 from damping.infer.discrepancy import discrepancy_covariance
 
 _MOST_COVARIANCES = 250_000  #: of draws whose levels are followed together, 2 MB: they stay in a processor's cache
-#: Square roots of primes: steps of quasi-random points (Richtmyer 1951) for the directions in which paths differ most,
-#: the first ``_STEPS_BEYOND`` places beyond the test, then the levels.
+#: Square roots of primes: steps of quasi-random points (Richtmyer 1951) for the directions in which paths differ most.
 _STEPS = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0])
-_STEPS_BEYOND = 4
+_STEPS_BEYOND = 4  #: how many of them are of the first places beyond the test; the others are of the levels
 #: Eigenvalue of a covariance of levels, over the largest, taken as rounding: repeats of one force add none.
 _ROUNDING = 1e-12
 

@@ -14,20 +14,18 @@ from scipy.special import gammaln, ndtri
 
 from damping.arrays import FloatArray
 
-#: Heavier tails than those of a nearly normal posterior, so that importance weights stay bounded.
-DEGREES_OF_FREEDOM = 5.0
-#: Share of the component as wide as the prior: in the first proposal, and least share in those adapted to draws.
-WIDE_SHARE = 0.3
-LEAST_WIDE = 0.2
-#: Share, beside the wide component, of one component over all draws, and its covariance over theirs: it samples tails
-#: that few draws have reached (a large scatter leaves shares open) before their weights are large.
+DEGREES_OF_FREEDOM = 5.0  #: heavier tails than of a nearly normal posterior, so that importance weights stay bounded
+WIDE_SHARE = 0.3  #: share of the component as wide as the prior in the first proposal, and in those fitted to draws
+LEAST_WIDE = 0.2  #: least share of that component in proposals improved by expectation and maximisation
+#: Share, beside the wide component, of one over all draws: it samples tails that few draws have reached (a large
+#: scatter leaves shares open) before their weights are large.
 BROAD_SHARE = 0.3
-BROAD = 4.0
-#: Share in the first proposal, beside the wide component, of one around the mode, and its covariance over that at the
-#: mode: a second mode (small scatter, large discrepancy) lies a few standard deviations off. For a viscous law on three
-#: resonances the ln evidence was .035 short without it and is .009 short with it (by 1.5 million draws).
+BROAD = 4.0  #: its covariance over that of all draws: twice as wide
+#: Share in the first proposal, beside the wide component, of one around the mode: a second mode (small scatter, large
+#: discrepancy) lies a few standard deviations off. For a viscous law on three resonances the ln evidence was .035 short
+#: without it and is .009 short with it (by 1.5 million draws).
 FAR_SHARE = 0.4
-FAR = 9.0
+FAR = 9.0  #: its covariance over that at the mode: three times as wide
 #: Components fitted to draws, split across the longest axis each time: enough for a funnel or two modes.
 PARTS = 8
 #: Draws whose densities are computed at once, so that intermediate arrays stay in a processor's cache.
@@ -35,10 +33,10 @@ BLOCK = 1024
 #: Rounding of the first means and roots, in conditional standard deviations given the variables before.
 ROUNDED = 2.0**-12
 MOST_FITTED = 1024  #: most draws to which a proposal is fitted
-#: Share of the total covariance added to each component's, so that few different draws still cover their surroundings:
-#: the first over the effective draws, and at least the second.
+#: Share of the total covariance added to each component's, times the effective draws: few different draws then still
+#: cover their surroundings.
 BLUR = 20.0
-LEAST_BLUR = 0.1
+LEAST_BLUR = 0.1  #: least share that is added, however many draws there are
 
 
 @dataclass(frozen=True)
