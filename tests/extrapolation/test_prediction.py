@@ -17,7 +17,7 @@ from damping.extrapolation.draws import (
     choose_next_level,
     find_quantiles,
 )
-from damping.extrapolation.prediction import PARTS, linear_amplitude, predict
+from damping.extrapolation.prediction import PARTS, predict, scale_linearly
 from damping.extrapolation.prepared import prepare_record
 from damping.extrapolation.reading import NextReading
 from damping.infer import discrepancy
@@ -41,7 +41,7 @@ def member(components, data, weight=1.0):
 def test_linear_is_proportional_from_the_largest_force(saturn):
     data = saturn("config-2-mode-1")
     # Section 4.3: 90 lb from sweep C; 1.567 * 90/28.98 = 4.866 (printed 4.84, erratum E43-5)
-    np.testing.assert_allclose(linear_amplitude(np.array([90.0]), data), 1.567 * 90.0 / 28.98, rtol=1e-12)
+    np.testing.assert_allclose(scale_linearly(np.array([90.0]), data), 1.567 * 90.0 / 28.98, rtol=1e-12)
 
 
 def test_amplitude_of_a_power_law_is_the_closed_form(saturn):

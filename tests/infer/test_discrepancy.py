@@ -25,15 +25,15 @@ from damping.infer.discrepancy import (
     UNTOLD,
     WITHOUT_JOINT,
     JointEvidence,
-    discrepancy_covariance,
+    covary_discrepancy,
     extend,
     find_joint,
-    nonlinearity,
+    measure_nonlinearity,
     place_steps,
     read_path,
 )
 from damping.infer.law import Coordinates, Law
-from damping.infer.likelihood import DRIFT_LENGTH, level_covariance, log_likelihood, residuals, scatter_covariance
+from damping.infer.likelihood import DRIFT_LENGTH, covary_levels, covary_scatter, log_likelihood, residuals
 from damping.infer.paths import Paths
 from damping_validation.truths import draw_truth
 from damping_validation.truths import sweeps as simulated_sweeps
@@ -42,7 +42,7 @@ from damping_validation.truths import sweeps as simulated_sweeps
 @pytest.mark.parametrize(("a", "b"), [(0.7, 1.9), (-0.4, 1.1), (-1.0, -0.2)])
 def test_covariance_is_the_double_integral(a, b):
     exact = dblquad(lambda u, v: np.exp(-abs(u - v) / LENGTH), 0.0, a, 0.0, b)[0]
-    found = discrepancy_covariance(np.array([a]) + 0.3, np.array([b]) + 0.3, 0.3)[0, 0]
+    found = covary_discrepancy(np.array([a]) + 0.3, np.array([b]) + 0.3, 0.3)[0, 0]
     np.testing.assert_allclose(found, exact, rtol=1e-6)  # the kink at u = v limits the quadrature
 
 
@@ -53,7 +53,7 @@ def test_draws_given_the_levels_are_those_of_the_normal_law():
     noise, grid = np.ones((n, 1, 1)) * np.diag(variance), np.concatenate([within, beyond])
     given = (np.full(n, 0.2), lambda of: (np.ones((n, 1))[of] * left, noise[of]))
     mean, drawn = Paths.draw(*given, at, np.random.default_rng(0)).follow(within, beyond)
-    K = 0.04 * discrepancy_covariance(np.append(at, grid), np.append(at, grid), 0.0)
+    K = 0.04 * covary_discrepancy(np.append(at, grid), np.append(at, grid), 0.0)
     gain = K[3:, :3] @ np.linalg.inv(K[:3, :3] + np.diag(variance))
     exact = K[3:, 3:] - gain @ K[:3, 3:]
     np.testing.assert_allclose(mean[0], gain @ left, rtol=1e-9)
@@ -114,7 +114,7 @@ def test_a_law_without_resonance_counts_as_steep():
 
 
 def test_the_discrepancy_of_a_law_is_in_proportion_to_its_nonlinearity():
-    found = nonlinearity(np.array([[1.0, 1.0], [2.0, 2.0], [0.5, 0.5], [1.0, 2.0], [np.nan, 1.0]]))
+    found = measure_nonlinearity(np.array([[1.0, 1.0], [2.0, 2.0], [0.5, 0.5], [1.0, 2.0], [np.nan, 1.0]]))
     limit = 0.5 * (1.0 - SLOPES[0])  # a law without a force below a limit counts as steepest there
     np.testing.assert_allclose(found - LINEAR, [0.0, 0.5, SLOWER, 0.25, limit], rtol=1e-12)
 
@@ -178,10 +178,10 @@ def test_levels_of_a_decay_drift_together(peaks):
     row, level = np.array([0.02, 0.05]), np.array([0.0, 0.01])
     apart = np.abs(np.subtract.outer(np.log(forced.A), np.log(forced.A)))
     own = level[:, None, None] ** 2 * np.eye(3)
-    np.testing.assert_allclose(scatter_covariance(row, level, forced), own, rtol=1e-12)
+    np.testing.assert_allclose(covary_scatter(row, level, forced), own, rtol=1e-12)
     drift = row[:, None, None] ** 2 * np.exp(-apart / DRIFT_LENGTH)
     decay = replace(forced, amplitude_is_input=True)
-    np.testing.assert_allclose(scatter_covariance(row, level, decay), own + drift, rtol=1e-12)
+    np.testing.assert_allclose(covary_scatter(row, level, decay), own + drift, rtol=1e-12)
 
 
 def test_likelihood_is_the_dense_normal_one():
@@ -191,7 +191,7 @@ def test_likelihood_is_the_dense_normal_one():
     c = Coordinates.of(Law(("viscous", "velocity-squared")), data)
     x = 0.3 * rng.standard_normal((3, c.dimension))
     n, h, known = residuals(c.force(x), data)
-    shared = level_covariance(x, c, data, c.discrepancy_of_levels(x))
+    shared = covary_levels(x, c, data, c.discrepancy_of_levels(x))
     for i, value in enumerate(log_likelihood(x, c, data)):
         H = np.eye(3)[data.sweep] * h[i][:, None]
         covariance = np.diag(c.scatter(x)[0][i] ** 2 + known[i]) + H @ shared[i] @ H.T

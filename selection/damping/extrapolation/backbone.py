@@ -237,17 +237,17 @@ def _regress(
     Returns:
         Log evidence (shapes, sizes, scatters); b (.., 2); (3, ..): variance of b_0, covariance, variance of b_1.
     """
-    w, V = s**-2.0, (2.0 * sizes[:, None]) ** 2
+    w, V = s**-2.0, np.where(sizes > 0.0, 2.0 * sizes, 1.0)[:, None] ** 2  # if b_1 is 0, any variance will do
     p = c @ c * w + _ANYWHERE**-2.0  # precision, (scatters,) and below (shapes, sizes, scatters)
     q = (x @ c)[:, None, None] * w * np.ones_like(V)
-    r = np.sum(x * x, axis=1)[:, None, None] * w + 1.0 / np.where(V > 0.0, V, 1.0)
+    r = np.sum(x * x, axis=1)[:, None, None] * w + 1.0 / V
     u, v = c @ y * w, (x @ y)[:, None, None] * w
     det = p * r - q * q
     b = np.stack([(r * u - q * v) / det, (p * v - q * u) / det], axis=-1)
     residual = y - b[..., :1] * c - b[..., 1:] * x[:, None, None, :]
-    prior = (b[..., 0] / _ANYWHERE) ** 2 + b[..., 1] ** 2 / np.where(V > 0.0, V, 1.0)
+    prior = (b[..., 0] / _ANYWHERE) ** 2 + b[..., 1] ** 2 / V
     misfit = np.sum(residual**2, axis=-1) * w + prior
-    log_V = 2.0 * np.log(_ANYWHERE) + np.log(np.where(V > 0.0, V, 1.0))
+    log_V = 2.0 * np.log(_ANYWHERE) + np.log(V)
     log_z = -0.5 * (misfit + np.log(det) + log_V) - len(y) * np.log(s)
     return log_z, b, np.array([r / det, -q / det, p / det])
 

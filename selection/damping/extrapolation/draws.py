@@ -152,9 +152,8 @@ def _scatter_ratio(member: Member, factor: float) -> FloatArray:
 def _discrepancy_ratio(member: Member, factor: float) -> FloatArray:
     if not member.coordinates.with_discrepancy:
         return np.ones(len(member.draws))
-    return _shift_ratio(
-        member.draws[:, [member.coordinates.names.index("discrepancy")]], np.log(factor) / DISCREPANCY_LOG_SD
-    )
+    column = member.coordinates.names.index("discrepancy")
+    return _shift_ratio(member.draws[:, [column]], np.log(factor) / DISCREPANCY_LOG_SD)
 
 
 def _share_ratio(member: Member, factor: float) -> FloatArray:

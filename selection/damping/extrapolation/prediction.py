@@ -112,7 +112,7 @@ class Loads:
         return np.asarray(100.0 * (self.linear / predicted - 1.0))
 
 
-def linear_amplitude(force: FloatArray, data: Observations) -> FloatArray:
+def scale_linearly(force: FloatArray, data: Observations) -> FloatArray:
     """A = F/(c omega) with c of the sweep with the largest tested force (Eq. 4.1.7): proportional to the force."""
     return np.asarray(data.tested_amplitude[data.top] * force / data.tested_force[data.top])
 
@@ -154,12 +154,11 @@ def predict(
         average, unknown = average.leave_out(average.median, data)
         bands = [band.keep(~unknown).leave_out(band.median, data)[0] for band in bands]
     predicted = np.isfinite(average.median)
-    linear = np.where(predicted, linear_amplitude(force, data), np.nan)
+    linear = np.where(predicted, scale_linearly(force, data), np.nan)
     ratio = force / data.tested_force[data.top]
-    held, unreached = (
-        sum(w * np.mean(~s.resonates & (s.short == short), axis=0) for w, s in zip(weights, draws, strict=True))
-        for short in (False, True)
-    )
+    absent = [~s.resonates & np.array([~s.short, s.short]) for s in draws]  # held by friction, or never balanced
+    without = np.transpose(sum(w * np.mean(s, axis=1) for w, s in zip(weights, absent, strict=True)))
+    rows = zip(force, average.median, without, unknown, strict=True)
     return Loads(
         force=force,
         level=level,
@@ -169,10 +168,8 @@ def predict(
         linear=linear,
         ratio=ratio,
         cautions=tuple(
-            list_cautions(f, A, data, [m.weight for m in members], plan, without, far)
-            for f, A, without, far in zip(
-                force, average.median, zip(held, unreached, strict=True), unknown, strict=True
-            )
+            list_cautions(f, A, data, [m.weight for m in members], plan, (held, unreached), far)
+            for f, A, (held, unreached), far in rows
         ),
         limit=plan.limit if plan else np.inf,
     )

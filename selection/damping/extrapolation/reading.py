@@ -12,7 +12,7 @@ from damping.extrapolation.draws import Draws, Member
 from damping.forces.contract import Sum
 from damping.infer.discrepancy import extend, place_steps, read_path
 from damping.infer.law import EACH_WITH_ROWS
-from damping.infer.likelihood import by_blocks, by_sweep, level_exponents, residuals, scatter_covariance
+from damping.infer.likelihood import by_blocks, covary_scatter, find_level_exponents, residuals, sum_by_sweep
 from damping.infer.observations import Observations
 from damping.infer.paths import Paths
 
@@ -106,11 +106,11 @@ def _compare_levels(
     """ln A of each level minus that of the law, (draws, sweeps); covariance of its errors, (draws, sweeps, sweeps)."""
     n, h, known = residuals(damping, data)
     weight = h / (row[:, None] ** 2 + known)
-    hh, hn = (by_sweep(weight * value, data) for value in (h, n))
+    hh, hn = (sum_by_sweep(weight * value, data) for value in (h, n))
     hh = np.maximum(hh, 1e-6)  # a level whose rows do not determine its amplitude
-    covariance = scatter_covariance(row, level, data) + np.eye(hh.shape[1]) / hh[:, None, :]
+    covariance = covary_scatter(row, level, data) + np.eye(hh.shape[1]) / hh[:, None, :]
     # n > 0 if more force was needed than the law predicts: the law's amplitude exceeds the measured one
     if not data.amplitude_is_input:
         return -hn / hh, covariance
-    p = level_exponents(damping, data)  # n of decays is of force: ln A is off by 1/p times as much
+    p = find_level_exponents(damping, data)  # n of decays is of force: ln A is off by 1/p times as much
     return -hn / p / hh, covariance / (p[:, :, None] * p[:, None, :])

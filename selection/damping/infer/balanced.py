@@ -23,10 +23,10 @@ from damping.infer.law import SCATTER_MEDIAN, TOTAL_LOG_SD, Coordinates, Part
 from damping.infer.likelihood import (
     REACH,
     by_blocks,
-    by_sweep,
-    covariance_of_levels,
+    covary_unit_discrepancy,
     find_averages,
     log_prior,
+    sum_by_sweep,
     sum_rows,
     weigh_levels,
 )
@@ -132,7 +132,7 @@ class Balanced:
     @cached_property
     def _of_levels(self) -> tuple[FloatArray, FloatArray]:
         """Principal variances and directions of the discrepancy of levels, (levels,) and (levels, levels)."""
-        variance, directions = np.linalg.eigh(covariance_of_levels(self.coordinates, self.data))
+        variance, directions = np.linalg.eigh(covary_unit_discrepancy(self.coordinates, self.data))
         return np.maximum(variance, 0.0), directions
 
     @cached_property
@@ -150,7 +150,7 @@ class Balanced:
         data = self.data
         weight = 1.0 / (data.D**2 + data.R**2)
         with np.errstate(all="ignore"):
-            over, under = by_sweep(C * (weight * data.D), data), by_sweep(C * C * weight, data)
+            over, under = sum_by_sweep(C * (weight * data.D), data), sum_by_sweep(C * C * weight, data)
             total = np.log(over.sum(axis=1) / under.sum(axis=1))
             deviation = np.clip(np.log(over / under) - total[:, None], -FARTHEST, FARTHEST)
             deviation[np.isnan(deviation)] = 0.0

@@ -194,11 +194,12 @@ def _solve_all(
         units = [_tabulate_units(points[i], *problems[i]) for i in batch]
         columns, slopes = (np.concatenate(arrays) for arrays in zip(*units, strict=True))
         number = [len(points[i]) for i in batch]
-        of_each = ((data.D, data.R**2, data.variance, data.sd_amplitude**2) for data in (problems[i][1] for i in batch))
+        records = [problems[i][1] for i in batch]
+        of_each = [(data.D, data.R**2, data.variance, data.sd_amplitude**2) for data in records]
         rows = _Batch(*(np.repeat(field, number, axis=0) for field in zip(*of_each, strict=True)))
         carried, squares = _solve(columns, slopes, rows, steady)
-        ends = np.cumsum(number)[:-1]
-        solved |= dict(zip(batch, zip(np.split(carried, ends), np.split(squares, ends), strict=True), strict=True))
+        for i, size, end in zip(batch, number, np.cumsum(number), strict=True):
+            solved[i] = carried[end - size : end], squares[end - size : end]
     return solved
 
 

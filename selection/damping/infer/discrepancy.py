@@ -7,8 +7,8 @@ deviation ``sigma`` and correlation length ``LENGTH`` in z, so that ln A departs
     g(z) = int_(z_0)^z delta dz,      cov(g(z), g(z')) = sigma^2 (h(z - z_0) + h(z' - z_0) - h(z - z')),
     h(u) = L^2 (exp(-|u|/L) - 1 + |u|/L).
 
-sigma is a parameter times :func:`nonlinearity`: an amplitude that is proportional to force over a test seldom ceases to
-be.
+sigma is a parameter times :func:`measure_nonlinearity`: an amplitude that is proportional to force over a test seldom
+ceases to be.
 
 Within the test the discrepancy enters the covariance of the levels, so that laws are weighed and fitted with it (of a
 decay, whose forces are noisy, with ln A for z).
@@ -102,7 +102,7 @@ def place_steps(farthest: float) -> FloatArray:
     return np.asarray(FIRST_STEP * (STEP_GROWTH ** np.arange(np.ceil(number) + 1.0) - 1.0) / (STEP_GROWTH - 1.0))
 
 
-def discrepancy_covariance(z: FloatArray, other: FloatArray, origin: float) -> FloatArray:
+def covary_discrepancy(z: FloatArray, other: FloatArray, origin: float) -> FloatArray:
     """cov(g(z), g(other)) for sigma = 1, (z, other)."""
 
     def h(u: FloatArray) -> FloatArray:
@@ -112,7 +112,7 @@ def discrepancy_covariance(z: FloatArray, other: FloatArray, origin: float) -> F
     return np.asarray(h(z - origin)[:, None] + h(other - origin)[None, :] - h(z[:, None] - other[None, :]))
 
 
-def nonlinearity(p: FloatArray) -> FloatArray:
+def measure_nonlinearity(p: FloatArray) -> FloatArray:
     """Nonlinearity (...) of a law, from exponents at both ends of the test (..., 2): sigma is proportional to it.
 
     ``LINEAR`` plus the mean of 1 - q, or of ``SLOWER`` (q - 1) where q > 1.
@@ -169,17 +169,14 @@ def extend(
     ``of_decay``: whether a law's slope q may reach ``OF_FRICTION``.
     """
     lean = joint.probability / JOINTS - 1.0
-    step = np.diff(z)
+    step, steepest = np.diff(z), OF_FRICTION if of_decay else SLOPES[1]
     with np.errstate(invalid="ignore"):
-        q = np.clip(
-            np.nan_to_num(np.diff(log_A, axis=1) / step, nan=np.inf), SLOPES[0], OF_FRICTION if of_decay else SLOPES[1]
-        )
+        q = np.clip(np.nan_to_num(np.diff(log_A, axis=1) / step, nan=np.inf), SLOPES[0], steepest)
     delta = np.diff(discrepancy, axis=1) / step
     grown = np.where(delta > 0.0, STEEPER * WITHOUT_JOINT ** min(lean, 0.0), 1.0) * delta / q
     if lets_go:
         near = np.interp(joint.fall, [0.0, *FALLS_AT_GO], [0.0, 1.0, 1.0]) / max(joint.fall / FALLS_AT_GO[1], 1.0)
-        bent = np.minimum(np.abs(q[:, :1] - 1.0) / BENT, 1.0)
-        untold = UNTOLD * bent
+        untold = UNTOLD * np.minimum(np.abs(q[:, :1] - 1.0) / BENT, 1.0)
         least = (LETS_GO * max(lean, 0.0) * near if joint.informative else untold) * -np.expm1((z[0] - z[:-1]) / LENGTH)
         spread = np.sqrt(np.mean(np.minimum(np.abs(grown), 1.0) ** 2, axis=0))
         grown *= np.hypot(1.0, least / np.maximum(spread, 1e-6))

@@ -107,9 +107,8 @@ def find_modes(log_density: LogDensity, fitted: FloatArray, anywhere: FloatArray
         return np.where(np.isfinite(value), value, BARRIER + np.sum(x**2, axis=-1))
 
     near, far = np.split(negative(np.vstack([fitted, anywhere])), [len(fitted)])
-    starts = [
-        points[np.argmin(values)] for points, values in ((fitted, near), (anywhere, far)) if values.min() < BARRIER
-    ]
+    both = (fitted, near), (anywhere, far)
+    starts = [points[np.argmin(values)] for points, values in both if values.min() < BARRIER]
     if not starts:
         raise AnalysisError("no coefficient reproduces the measured forces")
     modes, covariances = descend(np.array(starts), negative)

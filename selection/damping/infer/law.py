@@ -29,7 +29,7 @@ from damping.errors import InputError
 from damping.forces import Component, component
 from damping.forces.contract import Sum
 from damping.forces.shapes import Shape, Tested
-from damping.infer.discrepancy import DISCREPANCY_LOG_SD, DISCREPANCY_MEDIAN, nonlinearity
+from damping.infer.discrepancy import DISCREPANCY_LOG_SD, DISCREPANCY_MEDIAN, measure_nonlinearity
 from damping.infer.observations import DRAWN_BITS, Observations, round_bits
 
 TOTAL_LOG_SD = 1.0  #: standard deviation of ln(total): a factor e between a law and the measured force at the reference
@@ -224,7 +224,7 @@ class Coordinates:
         if not self.with_discrepancy:
             return np.zeros(x.shape[:-1])
         sigma = DISCREPANCY_MEDIAN * np.exp(DISCREPANCY_LOG_SD * x[..., -3 if self.with_level_scatter else -2])
-        return np.asarray(sigma * nonlinearity(self.exponents(x, parts)))
+        return np.asarray(sigma * measure_nonlinearity(self.exponents(x, parts)))
 
     def discrepancy_of_levels(self, x: FloatArray, parts: Sequence[Part] = ()) -> FloatArray:
         """:meth:`discrepancy` of the quantity that levels are judged by: ln A, or ln F, p times that, in a decay."""

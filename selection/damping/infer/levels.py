@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg.lapack import dpotrf
 
 from damping.arrays import FloatArray
-from damping.infer.discrepancy import discrepancy_covariance
+from damping.infer.discrepancy import covary_discrepancy
 
 #: Largest share of the discrepancy's variance that is left to each level separately: on a hundred levels over a factor
 #: of four some fifteen curves are kept, and ln p of laws that matter is right to a few hundredths.
@@ -22,13 +22,13 @@ _ONE_BY_ONE = 24
 
 
 @lru_cache(maxsize=256)  # shared by all laws on a record
-def covariance_at(z: tuple[float, ...], origin: float) -> FloatArray:
+def covary_places(z: tuple[float, ...], origin: float) -> FloatArray:
     """Covariance of ln A of levels at ln F = z (s,) for a discrepancy of 1, from an ``origin``, (s, s)."""
-    return discrepancy_covariance(np.array(z), np.array(z), origin)
+    return covary_discrepancy(np.array(z), np.array(z), origin)
 
 
 @lru_cache(maxsize=256)  # as above
-def drift_at(u: tuple[float, ...], length: float) -> FloatArray:
+def correlate_drift(u: tuple[float, ...], length: float) -> FloatArray:
     """Correlation of the drift of levels at ln A = u (s,), forgotten over a ``length``, (s, s)."""
     return np.asarray(np.exp(-np.abs(np.subtract.outer(u, u)) / length))
 
@@ -46,7 +46,7 @@ def split_covariance(z: tuple[float, ...], origin: float) -> tuple[FloatArray, F
 
     Its diagonal is exact, and at most ``_LEFT`` of it is in the rests.
     """
-    whole = covariance_at(z, origin)
+    whole = covary_places(z, origin)
     variance, directions = np.linalg.eigh(whole)
     left = np.cumsum(np.maximum(variance, 0.0))
     shared = left > _LEFT * left[-1]

@@ -23,8 +23,8 @@ from damping.forces.contract import Force
 from damping.infer.discrepancy import OF_FRICTION
 from damping.infer.law import Coordinates
 from damping.infer.levels import (
-    covariance_at,
-    drift_at,
+    correlate_drift,
+    covary_places,
     integrate_curves,
     integrate_levels,
     scale_each,
@@ -144,7 +144,7 @@ def weigh_levels(
                     level = coordinates.scatter(x[points])[1]
                     misfit, log_determinant = integrate_curves(sums[:, points], level, sigma[points], *curves)
                 else:
-                    covariance = level_covariance(x[points], coordinates, data, sigma[points])
+                    covariance = covary_levels(x[points], coordinates, data, sigma[points])
                     misfit, log_determinant = integrate_levels(sums[:, points], covariance)
                 return np.asarray(-0.5 * misfit - 0.5 * log_determinant)
 
@@ -168,7 +168,7 @@ def measure_misfit(x: FloatArray, coordinates: Coordinates, data: Observations) 
         sums = sum_rows(*averages, row[points], coordinates, data)
         if not (coordinates.with_level_scatter or coordinates.with_discrepancy):
             return np.asarray(np.sum(sums[1:], axis=0))
-        return integrate_levels(sums, scatter_covariance(row[points], level[points], data))[0]
+        return integrate_levels(sums, covary_scatter(row[points], level[points], data))[0]
 
     return by_blocks(weigh, len(x), max(len(data.A), len(data.sweeps) ** 2))
 
@@ -176,24 +176,24 @@ def measure_misfit(x: FloatArray, coordinates: Coordinates, data: Observations) 
 def _sum_over(values: FloatArray, variance: FloatArray, data: Observations) -> FloatArray:
     """Sums of values (points, rows)/variance over sweeps, (points, sweeps); variance (points, rows) or (points, 1)."""
     if variance.shape[1] == 1:
-        return np.asarray(by_sweep(values, data) / variance)
-    return by_sweep(values / variance, data)
+        return np.asarray(sum_by_sweep(values, data) / variance)
+    return sum_by_sweep(values / variance, data)
 
 
-def level_covariance(x: FloatArray, coordinates: Coordinates, data: Observations, sigma: FloatArray) -> FloatArray:
+def covary_levels(x: FloatArray, coordinates: Coordinates, data: Observations, sigma: FloatArray) -> FloatArray:
     """Covariance of ln A of the levels about the law: their scatter and discrepancy, (points, s, s).
 
     ``sigma``: standard deviation of the slope's discrepancy, (points,).
     """
-    covariance = scale_each(covariance_of_levels(coordinates, data), sigma**2)
+    covariance = scale_each(covary_unit_discrepancy(coordinates, data), sigma**2)
     if coordinates.with_level_scatter or data.amplitude_is_input:  # else levels have no errors of their own
-        covariance += scatter_covariance(*coordinates.scatter(x), data)
+        covariance += covary_scatter(*coordinates.scatter(x), data)
     return covariance
 
 
-def covariance_of_levels(coordinates: Coordinates, data: Observations) -> FloatArray:
+def covary_unit_discrepancy(coordinates: Coordinates, data: Observations) -> FloatArray:
     """Covariance of ln A of the levels for a discrepancy of 1, (s, s)."""
-    return covariance_at(*_place_levels(coordinates, data))
+    return covary_places(*_place_levels(coordinates, data))
 
 
 def _place_levels(coordinates: Coordinates, data: Observations) -> tuple[tuple[float, ...], float]:
@@ -205,7 +205,7 @@ def _place_levels(coordinates: Coordinates, data: Observations) -> tuple[tuple[f
     return tuple(np.log(at)), float(np.log(coordinates.reference[begin]))
 
 
-def scatter_covariance(row: FloatArray, level: FloatArray, data: Observations) -> FloatArray:
+def covary_scatter(row: FloatArray, level: FloatArray, data: Observations) -> FloatArray:
     """Covariance of the errors of whole levels, (points, s, s), from scatters (points,).
 
     Levels of one decay also drift together, by as much as each scatters: they are neighbours in one envelope and share
@@ -213,19 +213,19 @@ def scatter_covariance(row: FloatArray, level: FloatArray, data: Observations) -
     """
     if not data.amplitude_is_input:
         return scale_each(np.eye(len(data.sweeps)), level**2)
-    covariance = scale_each(drift_at(tuple(np.log(data.tested_amplitude)), DRIFT_LENGTH), row**2)
+    covariance = scale_each(correlate_drift(tuple(np.log(data.tested_amplitude)), DRIFT_LENGTH), row**2)
     np.einsum("pjj->pj", covariance)[...] += level[:, None] ** 2
     return covariance
 
 
-def level_exponents(force: Force, data: Observations) -> FloatArray:
+def find_level_exponents(force: Force, data: Observations) -> FloatArray:
     """p = d ln C/d ln A at each tested amplitude, (..., sweeps), at least 1/``OF_FRICTION``."""
     with np.errstate(all="ignore"):
         C, slope = force.grow(data.tested_amplitude, data.tested_omega)
         return np.asarray(np.maximum(np.nan_to_num(slope / C), 1.0 / OF_FRICTION))
 
 
-def by_sweep(values: FloatArray, data: Observations) -> FloatArray:
+def sum_by_sweep(values: FloatArray, data: Observations) -> FloatArray:
     """Sums of values (points, rows) over the rows of each sweep, (points, sweeps)."""
     if data.row_of_sweep is not None:
         return values[:, data.row_of_sweep]

@@ -88,10 +88,9 @@ class Observations(SweepRows):
 
         Geometric means over the sweeps' resonances.
         """
-        means = [
-            float(np.exp(np.mean(np.log(x)))) for x in (self.tested_amplitude, self.tested_omega, self.tested_force)
-        ]
-        return means[0], means[1], means[2]
+        tested = self.tested_amplitude, self.tested_omega, self.tested_force
+        amplitude, omega, force = (float(np.exp(np.mean(np.log(x)))) for x in tested)
+        return amplitude, omega, force
 
     @cached_property
     def variance(self) -> FloatArray:

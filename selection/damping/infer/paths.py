@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from damping.arrays import FloatArray
-from damping.infer.discrepancy import discrepancy_covariance
+from damping.infer.discrepancy import covary_discrepancy
 
 _MOST_COVARIANCES = 250_000  #: of draws whose levels are followed together, 2 MB: they stay in a processor's cache
 #: Square roots of primes: steps of quasi-random points (Richtmyer 1951) for the directions in which paths differ most.
@@ -60,7 +60,8 @@ class Paths:
         places = np.arange(number)[:, None] * _STEPS + rng.random(len(_STEPS))
         points = ndtri(np.clip(places % 1.0, 1e-12, 1.0 - 1e-12)).T
         x = by_levels.standard_normal((len(at), number))
-        x[: -len(_STEPS) + _STEPS_BEYOND - 1 : -1] = points[_STEPS_BEYOND:][: len(at)]
+        spread = points[_STEPS_BEYOND:][: len(at)]
+        x[len(at) - len(spread) :] = spread[::-1]  # directions of largest variance are last
         of_path = (known.directions @ x).T  # first g at the levels, then weights
         del x
         of_mean = np.empty(of_path.shape)
@@ -100,7 +101,7 @@ class _KnownLevels(NamedTuple):
 def _know_levels(at: tuple[float, ...]) -> _KnownLevels:
     """What is known of g at levels of ln F ``at``."""
     levels = np.array(at)
-    covariance = discrepancy_covariance(levels, levels, float(np.mean(at)))
+    covariance = covary_discrepancy(levels, levels, float(np.mean(at)))
     variance, directions = np.linalg.eigh(covariance)
     directions *= np.copysign(1.0, directions[-1])  # a sign that does not depend on rounding
     inverse = np.asarray(np.linalg.pinv(covariance, rcond=_ROUNDING, hermitian=True), dtype=np.float64)
@@ -116,8 +117,8 @@ def _know_places(
     And, given the levels, the standard deviations within the test and the Cholesky factor of the covariance beyond it.
     """
     levels, places, origin = np.array(at), np.array([*within, *beyond]), float(np.mean(at))
-    to_levels = discrepancy_covariance(places, levels, origin)
-    rest = discrepancy_covariance(places, places, origin) - to_levels @ _know_levels(at).inverse @ to_levels.T
+    to_levels = covary_discrepancy(places, levels, origin)
+    rest = covary_discrepancy(places, places, origin) - to_levels @ _know_levels(at).inverse @ to_levels.T
     outer = rest[len(within) :, len(within) :] + _ROUNDING * np.eye(len(beyond))
     sd_within = np.asarray(np.sqrt(np.maximum(np.diag(rest)[: len(within)], 0.0)))
     return to_levels, sd_within, np.asarray(np.linalg.cholesky(outer), dtype=np.float64)
