@@ -37,8 +37,7 @@ if TYPE_CHECKING:
 
 #: Named functions of x (points, dimension) -> (points,) that are reported and must have converged.
 Quantities = Callable[[FloatArray], Mapping[str, FloatArray]]
-#: Share of a run discarded at its beginning: walkers start on draws of the posterior, so little is needed.
-BURN_IN = 0.1
+BURN_IN = 0.1  #: share of a run discarded at its beginning: walkers start on draws of the posterior
 TAILS = (0.05, 0.95)  #: quantiles that represent the tails of a quantity
 GROWTH = 1.5  #: factor by which a run that has not converged is extended before the next check
 _MOST_TRIED = 16_000  #: most rows times draws that a walker weighs at a step

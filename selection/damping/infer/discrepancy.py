@@ -168,17 +168,17 @@ def extend(
     grow far where damping stops growing. NaN counts as steep. ``lets_go``: whether a joint may slip fully.
     ``of_decay``: whether a law's slope q may reach ``OF_FRICTION``.
     """
-    lean = joint.probability / JOINTS - 1.0
+    lean = joint.probability / JOINTS - 1.0  # above 0 if the levels speak for a joint
     step, steepest = np.diff(z), OF_FRICTION if of_decay else SLOPES[1]
     with np.errstate(invalid="ignore"):
         q = np.clip(np.nan_to_num(np.diff(log_A, axis=1) / step, nan=np.inf), SLOPES[0], steepest)
     delta = np.diff(discrepancy, axis=1) / step
-    grown = np.where(delta > 0.0, STEEPER * WITHOUT_JOINT ** min(lean, 0.0), 1.0) * delta / q
+    grown = np.where(delta > 0.0, STEEPER * WITHOUT_JOINT ** min(lean, 0.0), 1.0) * delta / q  # change of ln slope
     if lets_go:
         near = np.interp(joint.fall, [0.0, *FALLS_AT_GO], [0.0, 1.0, 1.0]) / max(joint.fall / FALLS_AT_GO[1], 1.0)
         untold = UNTOLD * np.minimum(np.abs(q[:, :1] - 1.0) / BENT, 1.0)
         least = (LETS_GO * max(lean, 0.0) * near if joint.informative else untold) * -np.expm1((z[0] - z[:-1]) / LENGTH)
-        spread = np.sqrt(np.mean(np.minimum(np.abs(grown), 1.0) ** 2, axis=0))
+        spread = np.sqrt(np.mean(np.minimum(np.abs(grown), 1.0) ** 2, axis=0))  # standard deviation so far
         grown *= np.hypot(1.0, least / np.maximum(spread, 1e-6))
         known = np.clip((q[:, :1] - 1.0) / BENT, 0.0, 1.0)  # a law whose damping grows slower tells of the failing
         fails = FAILS * joint.failing * (1.0 - known) / np.maximum(spread, 1e-6)
