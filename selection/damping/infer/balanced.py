@@ -21,6 +21,7 @@ import numpy as np
 from damping.arrays import FloatArray, drop_repeats
 from damping.infer.law import SCATTER_MEDIAN, TOTAL_LOG_SD, Coordinates, Part
 from damping.infer.likelihood import (
+    FEWEST_POINTS,
     REACH,
     by_blocks,
     covary_unit_discrepancy,
@@ -78,7 +79,7 @@ class Balanced:
             factor = np.exp(TOTAL_LOG_SD * x[points, 0])[:, None]
             return sum_rows(factor * C, factor * grown, row[points], self.coordinates, self.data)
 
-        sums = by_blocks(weigh, len(z), len(self.data.A))
+        sums = by_blocks(weigh, len(z), len(self.data.A), fewest=FEWEST_POINTS)
         inside = (np.abs(x) < REACH).all(axis=1)
         likelihood = weigh_levels(sums, x, balance.sigma, self.coordinates, self.data)
         return np.where(inside, log_prior(x) + likelihood + np.log(balance.s), -np.inf)
@@ -105,7 +106,7 @@ class Balanced:
                 C, _ = find_averages(self.coordinates.join(balance.parts, points), self.data)
                 return self._find_total(C, balance.a[points])
 
-            balance.x[:, 0] = by_blocks(find_total, len(balance.x), len(self.data.A))
+            balance.x[:, 0] = by_blocks(find_total, len(balance.x), len(self.data.A), fewest=FEWEST_POINTS)
             return np.vstack([balance.x.T, balance.s])
 
         found = by_blocks(find, len(z), len(self.data.sweeps), _MOST)

@@ -35,8 +35,9 @@ from damping.infer.observations import Observations
 REACH = 8.0  #: the prior is cut off at 8 standard deviations (probability 1e-15), where numbers would overflow
 #: Points times rows computed at once: half a dozen such arrays stay in 1 MB, the second-level cache of a processor.
 BLOCK = 15_000
+FEWEST_POINTS = 16  #: fewest points computed at once, of any number of rows: loops along points are then long enough
 #: Fewest points whose covariances of levels are worked on at once: with fewer, calls take longer than numbers.
-_FEWEST = 4
+_FEWEST_COVARIANCES = 4
 #: Correlation length of the drift of a decay in ln A: a level or two of the usual steps of a fifth.
 DRIFT_LENGTH = 0.4
 #: Most sweeps for which a matrix product is the fastest way to sums over each, and a factor of their covariance cheap.
@@ -96,13 +97,18 @@ def log_likelihood(x: FloatArray, coordinates: Coordinates, data: Observations) 
     def weigh(points: slice) -> FloatArray:
         return sum_rows(*find_averages(coordinates.join(parts, points), data), row[points], coordinates, data)
 
-    sums = by_blocks(weigh, len(x), len(data.A))
+    sums = by_blocks(weigh, len(x), len(data.A), fewest=FEWEST_POINTS)
     return weigh_levels(sums, x, coordinates.discrepancy_of_levels(x, parts), coordinates, data)
 
 
-def by_blocks(work: Callable[[slice], FloatArray], number: int, rows: int, most: int = BLOCK) -> FloatArray:
-    """``work`` for ``number`` points, (..., points), in blocks of at most ``most`` points times ``rows``."""
-    step = max(1, most // rows)
+def by_blocks(
+    work: Callable[[slice], FloatArray], number: int, rows: int, most: int = BLOCK, fewest: int = 1
+) -> FloatArray:
+    """``work`` for ``number`` points, (..., points), in blocks of at most ``most`` points times ``rows``.
+
+    Blocks have at least ``fewest`` points.
+    """
+    step = max(fewest, most // rows)
     if number <= step:
         return work(slice(None))
     return np.concatenate([work(slice(first, first + step)) for first in range(0, number, step)], axis=-1)
@@ -149,8 +155,8 @@ def weigh_levels(
                 return np.asarray(-0.5 * misfit - 0.5 * log_determinant)
 
             # half of a symmetric matrix is worked on
-            size = levels if many else min((levels**2 + 1) // 2, BLOCK // _FEWEST)
-            value = value + by_blocks(weigh, len(x), size)
+            size = levels if many else (levels**2 + 1) // 2
+            value = value + by_blocks(weigh, len(x), size, fewest=1 if many else _FEWEST_COVARIANCES)
         else:
             value = value - 0.5 * np.sum(sums[1:], axis=0)
     return np.where(np.isfinite(value), value, -np.inf)
