@@ -11,7 +11,7 @@ import pytest
 from damping.effects import CATALOGUE
 from damping.gap.corrected import list_ends
 from damping.gap.diagnose import diagnose
-from damping.gap.directed import Test
+from damping.gap.directed import Test, directed_tests
 from damping.gap.outliers import find_pattern
 from damping.gap.readings import describe_rest, describe_rounding, list_far_readings
 from damping.gap.rows import read_rows
@@ -190,6 +190,8 @@ def test_what_shows_a_rest_is_named(lab, honest):
     tests = [Test("drift", 1.0, 3, 0.5), Test("second path", 60.0, 14, 5e-4)]
     assert describe_rest(fit, tests) == "a second path of the force, free over frequency, improves the fit (p = 0.001)"
     assert describe_rest(fit, tests[:1]) == ""
+    for test in directed_tests(fit):
+        assert describe_rest(fit, [replace(test, p_value=1e-9)]).endswith("(p < 0.001)")
 
 
 def test_a_hard_clip_is_at_no_end(lab):

@@ -321,7 +321,8 @@ def test_a_headline_is_no_finding_where_the_cause_is_hardly_known_or_the_gap_sta
     quiet = replace(found.gap, after=1.0)
     rough = replace(found, in_library=0.49, unexplained=True, gap=quiet, tests=(Test("drift", 60.0, 4, 1e-9),))
     (left,) = describe_diagnosis(rough)["verdict"]
-    assert "It leaves 1.00 sigma, not noise alone: drift in free form improves the fit (p < 0.001)." in left
+    shown = "a drift of frequency and gain with time improves the fit (p < 0.001)"
+    assert f"It leaves 1.00 sigma, not noise alone: {shown}." in left
     gap = replace(found.gap, before=8.78, after=9.29, shrinkage=-0.12)
     (useless,) = describe_diagnosis(replace(found, gap=gap))["verdict"]
     assert "sigma: " in sure

@@ -7,7 +7,7 @@ import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray
 from damping.effects.contract import Effect
-from damping.gap.directed import ALARM, Test, smallest_p, unexplained
+from damping.gap.directed import ALARM, FREE, Test, smallest_p, unexplained
 from damping.gap.fit import ModelFit
 from damping.gap.problem import Setting
 from damping.gap.size import measure_gap, regular_values, root_mean_square
@@ -27,13 +27,18 @@ _MOST_NAMED = 3  #: most readings that a caution names
 #: Fewest different readings that show a step, and how near multiples of it they are: a file has six digits or more.
 _STEPS = 6
 _ON_STEP = 1e-3
-#: Findings of directed tests whose names do not say them.
+#: What each directed test finds, by its name.
 _FOUND = {
-    "neighbours alike": "residuals of neighbouring rows are correlated",
-    "local disturbance": "residuals are larger in one band of frequency",
+    "stiffness with amplitude": "a stiffness free to change with amplitude improves the fit",
+    "damping with amplitude": "damping free to change with amplitude improves the fit",
+    FREE: "stiffness and damping free to change with amplitude improve the fit",
     "second path": "a second path of the force, free over frequency, improves the fit",
+    "gain with amplitude": "a gain free to change with amplitude improves the fit",
     "instrument with amplitude": "a gain and a phase free to change with amplitude improve the fit",
     "instrument with frequency": "a gain and a phase free to change with frequency improve the fit",
+    "drift": "a drift of frequency and gain with time improves the fit",
+    "local disturbance": "residuals are larger in one band of frequency",
+    "neighbours alike": "residuals of neighbouring rows are correlated",
 }
 
 
@@ -91,7 +96,7 @@ def describe_rest(fit: ModelFit, tests: Sequence[Test]) -> str:
         return ""
     name = min(tests, key=lambda test: test.p_value).name
     chance = f"p = {p:.1g}" if p >= 0.5e-3 else "p < 0.001"
-    return f"{_FOUND.get(name, f'{name} in free form improves the fit')} ({chance})"
+    return f"{_FOUND[name]} ({chance})"
 
 
 @dataclass(frozen=True)
