@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from damping import report
-from damping.formats.quantity import find_factors
+from damping.formats.quantity import find_factors_between
 from damping.infer.observations import Observations
 from damping.ranking.sharing import SharedShape, is_same_test, share_shapes, weigh_sharing
 from damping.records.mode import Units
@@ -163,7 +163,7 @@ def _list_different(studies: Sequence[StudySummary]) -> list[tuple[str, RecordSu
 
 def _is_same_test(one: RecordSummary, other: RecordSummary) -> bool:
     """Whether two records hold the same observations, in whatever units they state."""
-    factors = find_factors(one.form.units, other.form.units)
+    factors = find_factors_between(one.form.units, other.form.units)
     if factors is None or one.observations is None or other.observations is None:
         return False
     return is_same_test(one.observations, other.observations, *factors)
@@ -253,7 +253,7 @@ def _build_tables(name: str, having: Sequence[StudySummary]) -> dict[str, Table]
 def _convert_predictions(table: pd.DataFrame, units: Mapping[str, Units]) -> bool:
     """Convert to the units of the first study and return whether all rows could be; ``units``: of each study."""
     to = next(iter(units.values()))
-    factors = [find_factors(units[study], to) for study in table["study"]]
+    factors = [find_factors_between(units[study], to) for study in table["study"]]
     shown = (units[study] if None in factors else to for study in table["study"])
     table["units"] = [", ".join(filter(None, (own.force, own.length))) or report.NOTHING for own in shown]
     if None in factors:

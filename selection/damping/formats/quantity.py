@@ -184,7 +184,7 @@ def factors(units: Units, to: str, *, source: str) -> Factors:
     return by
 
 
-def find_factors(own: Units, to: Units) -> tuple[float, float] | None:
+def find_factors_between(own: Units, to: Units) -> tuple[float, float] | None:
     """Factors of force and length from one system of units to another; None if unknown."""
     if own == to:
         return 1.0, 1.0
