@@ -156,9 +156,9 @@ def predict(
     predicted = np.isfinite(average.median)
     linear = np.where(predicted, scale_linearly(force, data), np.nan)
     ratio = force / data.tested_force[data.top]
-    absent = [~s.resonates & np.array([~s.short, s.short]) for s in draws]  # held by friction, or never balanced
-    without = np.transpose(sum(w * np.mean(s, axis=1) for w, s in zip(weights, absent, strict=True)))
-    rows = zip(force, average.median, without, unknown, strict=True)
+    held = sum(w * np.mean(~s.resonates & ~s.short, axis=0) for w, s in zip(weights, draws, strict=True))
+    unreached = sum(w * np.mean(~s.resonates & s.short, axis=0) for w, s in zip(weights, draws, strict=True))
+    rows = zip(force, average.median, held, unreached, unknown, strict=True)
     return Loads(
         force=force,
         level=level,
@@ -168,8 +168,8 @@ def predict(
         linear=linear,
         ratio=ratio,
         cautions=tuple(
-            list_cautions(f, A, data, [m.weight for m in members], plan, (held, unreached), far)
-            for f, A, (held, unreached), far in rows
+            list_cautions(f, A, data, [m.weight for m in members], plan, (still, lost), far)
+            for f, A, still, lost, far in rows
         ),
         limit=plan.limit if plan else np.inf,
     )
