@@ -85,9 +85,8 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
         fits[k] = fit(k, list(near.frequency), list(near.ratio))
     levels = []
     for k, name in enumerate(name_apart(f"{run.level:g} {run.drive_unit}" for run in runs)):
-        third = (
-            _accelerations(runs[k], 3)[1] if all(channel.third is not None for channel in runs[k].channels) else None
-        )
+        has_third = all(channel.third is not None for channel in runs[k].channels)
+        third = _accelerations(runs[k], 3)[1] if has_third else None
         levels.append(Level(runs[k], *motions[k], fits[k], third, name))
     return levels
 
@@ -175,8 +174,9 @@ def join_modes(
 
 
 def describe_lost(levels: Sequence[Level], modes: Sequence[DrivenMode], asked: Sequence[float] = ()) -> list[str]:
-    """Modes that are ``asked`` for, or stand out of the noise at some level, but are none of the ``modes``; and
-    those found far from where they were asked for.
+    """Modes that are ``asked`` for, or stand out of the noise at some level, but are none of the ``modes``.
+
+    Also those found far from where they were asked for.
     """
     names, unit, frequency = levels[0].run.names, levels[0].run.drive_unit, levels[0].fit.frequency
     near, lost = sorted(asked) or frequency, []

@@ -19,6 +19,7 @@ import numpy as np
 
 _MOST_NAMES = 200  # most arrays of a file that are listed: a bound for files with thousands
 _DEEPEST = 6  # deepest level of nested groups that is read: a bound for endless nesting
+_LONGEST_TEXT = 60  # characters of a unit or a name that are kept
 _MOST_PARTS = 1000  # most arrays that one name may stand for
 _MOST_COLUMNS = 8  # most columns of a cell array whose members are listed
 _NUMBERS = "fiucb"  # kinds of numpy's types that are numbers
@@ -236,9 +237,8 @@ def _join_parts(array: Any, name: str) -> Any:
 
 
 def _as_text(value: object) -> str:
-    return (value.decode(errors="replace") if isinstance(value, bytes) else str(value))[
-        :60
-    ]  # no unit or name is longer
+    text = value.decode(errors="replace") if isinstance(value, bytes) else str(value)
+    return text[:_LONGEST_TEXT]
 
 
 def _read_rattlesnake(h5py: Any, file: Any, contents: Contents) -> Iterator[tuple[str, Any]]:

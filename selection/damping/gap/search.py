@@ -47,7 +47,7 @@ class Search(Fits):
     """Search over hypotheses, by expected log posterior; fitted hypotheses are kept for every later step.
 
     A base is a hypothesis to which an effect is added; the linear gain of that effect is the gain in ln p by the
-    derivative of the residuals at the base. The leading hypothesis is the most probable one so far.
+    derivative of the residuals at the base. The leading hypothesis is the most probable of those fitted.
     """
 
     def run(self) -> Search:

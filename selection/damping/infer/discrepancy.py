@@ -178,7 +178,7 @@ def extend(
         near = np.interp(joint.fall, [0.0, *FALLS_AT_GO], [0.0, 1.0, 1.0]) / max(joint.fall / FALLS_AT_GO[1], 1.0)
         untold = UNTOLD * np.minimum(np.abs(q[:, :1] - 1.0) / BENT, 1.0)
         least = (LETS_GO * max(lean, 0.0) * near if joint.informative else untold) * -np.expm1((z[0] - z[:-1]) / LENGTH)
-        spread = np.sqrt(np.mean(np.minimum(np.abs(grown), 1.0) ** 2, axis=0))  # standard deviation so far
+        spread = np.sqrt(np.mean(np.minimum(np.abs(grown), 1.0) ** 2, axis=0))  # of the change by the discrepancy alone
         grown *= np.hypot(1.0, least / np.maximum(spread, 1e-6))
         known = np.clip((q[:, :1] - 1.0) / BENT, 0.0, 1.0)  # a law whose damping grows slower tells of the failing
         fails = FAILS * joint.failing * (1.0 - known) / np.maximum(spread, 1e-6)

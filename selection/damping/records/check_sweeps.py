@@ -56,9 +56,8 @@ def check_outlier(view: View) -> Finding | None:
 NO_RERUN = 0.05
 
 
-#: Fewest rows at one force, with lags on both sides of resonance beyond this distance from pi/2, that are a sweep.
-FEWEST_OF_SWEEP = 5
-BESIDE_RESONANCE = 0.25 * pi
+FEWEST_OF_SWEEP = 5  #: fewest rows at one force, with lags on both sides of resonance, that are a sweep
+BESIDE_RESONANCE = 0.25 * pi  #: least distance of these lags from pi/2, rad: that of the half-power points
 
 
 def check_unlabelled(view: View) -> Finding | None:
