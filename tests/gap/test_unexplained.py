@@ -329,7 +329,7 @@ def test_a_headline_is_no_finding_where_the_cause_is_hardly_known_or_the_gap_sta
     assert "among the explanations fitted, not of being the cause" in doubted
     sizes = {chance: describe_diagnosis(replace(found, in_library=chance))["sizes"] for chance in (0.09, 0.11)}
     assert [bool(told) for told in sizes.values()] == [False, True]  # none of effects that are hardly there
-    assert "sigma, probably by a cause outside the library. Of what is known here this comes nearest" in doubted
+    assert "sigma, probably by a cause outside the library. Of the causes in the library this comes nearest" in doubted
     assert "8.78 sigma, and no explanation of the library reduces that" in useless
     assert "with 9.29 sigma left" in useless
 
