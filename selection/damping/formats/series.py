@@ -151,8 +151,10 @@ _TURN_IN_RADIANS = 1.5
 def convert_angles(arrays: Mapping[str, Samples], facts: FileFacts, summary: Summary) -> dict[str, Samples]:
     """Convert angles to rad if the header says degrees, or if an angle of unknown sense is too large for rad.
 
-    An uncertainty without a unit has that of its phase; a phase without any number is dropped. Roles that end in
-    ``_deg`` stay in degrees. InputError: an angle stated in rad is too large, or one in degrees turns as if in rad.
+    An angle of the force against the reference is subtracted from that of the response. An uncertainty without a unit
+    has that of its phase; a phase without any number is dropped. Roles that end in ``_deg`` stay in degrees.
+
+    InputError: an angle stated in rad is too large, or one in degrees turns as if in rad.
     """
     turned, of_phase = dict(arrays), ""
     for role in PHASES:
@@ -170,6 +172,8 @@ def convert_angles(arrays: Mapping[str, Samples], facts: FileFacts, summary: Sum
         if role == "angle":
             source = "found in the file" if role in facts.angles else "follows from its size"
             summary.add("unit of angle", of_phase, source)
+    if "force_angle" in turned:
+        _subtract_force_angle(turned, facts.angles.get("force_angle") or of_phase, summary)
     if "phase_sd" in turned:
         degrees = (facts.angles.get("phase_sd") or of_phase) == "degrees"
         if degrees:
@@ -177,6 +181,17 @@ def convert_angles(arrays: Mapping[str, Samples], facts: FileFacts, summary: Sum
         source = "found in the file" if "phase_sd" in facts.angles else "that of the phase"
         summary.add("unit of phase_sd", "degrees" if degrees else "rad", source)
     return turned
+
+
+def _subtract_force_angle(turned: dict[str, Samples], unit: str, summary: Summary) -> None:
+    """Replace the angle of the response by that against the force. InputError: there is none, or another shape."""
+    role = next((role for role in PHASES if role in turned), None)
+    of_force = np.asarray(turned.pop("force_angle"), dtype=np.float64)
+    if role is None or of_force.shape != np.shape(turned[role]):
+        raise InputError("force_angle without an angle of the response in each row", expected="--column angle=NAME")
+    radians = of_force * (pi / 180.0 if unit == "degrees" else 1.0)
+    turned[role] = turned[role] - (radians * (180.0 / pi) if role.endswith("_deg") else radians)
+    summary.note("the phase of the force is subtracted from that of the response")
 
 
 def _find_unit(role: str, values: Samples, stated: str) -> str:
