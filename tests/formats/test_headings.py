@@ -7,9 +7,11 @@ import pandas as pd
 import pytest
 
 from damping.errors import InputError
+from damping.formats import read_file
 from damping.formats.headers import parse_header
 from damping.formats.levels import DRIVE
 from damping.formats.quantity import unit
+from damping.formats.series import Stated
 
 FORCES = (2.0, 3.0, 8.0)
 SETTING = ("Frequency [Hz]", "Force [N]")
@@ -213,3 +215,37 @@ def test_further_units(text, factor):
 def test_channels_that_drive_have_names_in_several_languages(name):
     assert DRIVE.search(name)
     assert not DRIVE.search("Regelungstechnik")
+
+
+@pytest.mark.parametrize("date", ["", "2024-01-05 ", "05.01.2024 ", "1/5/2024 "])
+@pytest.mark.parametrize("mark", [".", ","])
+def test_clock_times_are_seconds(tmp_path, date, mark):
+    """Over midnight too: seconds since the start as of the same signal with times in s."""
+    t = 86399.5 + 0.005 * np.arange(200)
+    path = tmp_path / "a.csv"
+    with path.open("w") as file:
+        file.write("Time;Acc [g]\n")
+        for k, s in enumerate(t):
+            seconds = f"{s % 60:06.3f}".replace(".", mark)
+            file.write(f"{date}{int(s) // 3600 % 24:02}:{int(s) // 60 % 60:02}:{seconds};{k}{mark}5\n")
+    (series,), _ = read_file(path, Stated())
+    np.testing.assert_allclose(series.abscissa - series.abscissa[0], t - t[0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(series.response, np.arange(200) + 0.5)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("Frequency [Hz],Set force [N],Measured force [N],Disp [mm]\n1,2,3,4\n", "the force. Set force .N., Measured"),
+        ("Frequency [Hz],Kraft [V],Disp [mm]\n1,2,3\n", r"the force. Kraft \[V\]; expected --column force=NAME"),
+        ("Acc [g]\n1\n2\n", "no abscissa; .*--rate HZ of a signal without times"),
+        ("Frequency [Hz],Force [N],Disp [mm]\n1,2,0.25-0.03i\n", "'0.25-0.03i' is not a number .a complex number"),
+        ("Frequency [Hz],Force [N],Disp [mm]\n1,2,(0.25-0.03j)\n", "is not a number .a complex number"),
+        ("Frequency [Hz],Force [N],Disp [mm]\n1,10:00:05,3\n", "is not a number .a clock time"),
+    ],
+)
+def test_messages_say_what_the_file_has(tmp_path, imported, content, message):
+    path = tmp_path / "a.csv"
+    path.write_text(content)
+    with pytest.raises(InputError, match=message):
+        imported(path)

@@ -26,7 +26,7 @@ from damping.formats.named import UNIT_OF, note_unheeded_units, read_facts, requ
 from damping.formats.quantity import SYSTEMS
 from damping.formats.roles import find_roles
 from damping.formats.sampling import find_rows
-from damping.formats.series import Series, Stated, Summary, require_response
+from damping.formats.series import Series, Stated, Summary, require_no_force, require_response
 from damping.formats.sweeps import join_refined
 from damping.formats.uff import read_uff
 from damping.formats.wave import read_wav
@@ -153,6 +153,8 @@ def _list_table_series(
             headers["force"] = ColumnHeader("force", "force", unit)
             numbers["force"] = np.full(len(next(iter(numbers.values()))), level)
             summary.note("caution: the level in the names of columns is taken as the drive in every row")
+    if not {"force", "force_x"} & set(numbers) and not stated.forces and {"frequency", "omega"} & set(numbers):
+        require_no_force([header for k, header in enumerate(table.headers) if k not in places.values()])
     note_unheeded_units(numbers, stated, summary)
     facts = replace(
         read_facts(headers, stated),

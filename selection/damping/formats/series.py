@@ -15,7 +15,8 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats.headers import NAMES, PHASES, parse_header
+from damping.formats.headers import NAMES, PHASES, ROLE_NAMES, ColumnHeader, parse_header
+from damping.formats.quantity import find_powers
 from damping.records.keys import LARGEST
 from damping.records.text import describe_shortened
 
@@ -142,6 +143,19 @@ def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: S
     if guessed and not in_table & _MODULI:
         expected = "--column x=x --column y=y for parts, --column amplitude=x for a motion"
         raise InputError("are x and y the parts of one complex response, or two motions?", expected=expected)
+
+
+def require_no_force(headers: Iterable[ColumnHeader]) -> None:
+    """Raise InputError if a column without a role may be the force, by its unit or a word of its name."""
+    known = {name for name in ROLE_NAMES["force"] if len(name) > 1}
+    doubtful = [
+        header.text
+        for header in headers
+        if not header.angle and (find_powers(header.unit) == (1, 0, 0) or known & {*header.name.lower().split()})
+    ]
+    if doubtful:
+        expected = "--column force=NAME (--unit force=UNIT), or --force AMPLITUDE of each sweep"
+        raise InputError(f"which column is the force? {describe_shortened(', '.join(doubtful), 80)}", expected=expected)
 
 
 #: Range above which an angle within 2 pi is in rad: a resonance turns it by pi; a few degrees are no resonance.
