@@ -146,7 +146,8 @@ def import_(
 
     Roles of --column: sweep, frequency (Hz), omega (rad/s), time (s); response (complex, or a signal against time), x
     and y (its parts), amplitude; phase (lag, rad), lag_deg, lead (rad), lead_deg, angle (lead or lag by its direction);
-    force, force_x and force_y, force_lead_deg; energy, mass, amplitude_sd, phase_sd, force_sd; sweep_rate (Hz/s).
+    force, force_x and force_y, force_lead_deg, force_angle; energy, mass, amplitude_sd, phase_sd, force_sd; sweep_rate
+    (Hz/s).
 
     Units of --unit: force, response, energy, mass, such as N, lbf, m, mm, um, in, m/s, g, m/s^2, m/s^2/N, rad, kg;
     frequency Hz, kHz, rpm, rad/s; time s, ms, us, min; sweep_rate Hz/s, oct/min, dec/min. A header such as

@@ -7,7 +7,7 @@ each with the facts that the file states. ``steady.steady_record`` converts swee
 that neither the file nor the user states; nothing is guessed.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +26,7 @@ from damping.formats.named import UNIT_OF, note_unheeded_units, read_facts, requ
 from damping.formats.quantity import SYSTEMS
 from damping.formats.roles import find_roles
 from damping.formats.sampling import find_rows
-from damping.formats.series import Series, Stated, Summary, require_response
+from damping.formats.series import Series, Stated, Summary, require_no_force, require_response
 from damping.formats.sweeps import join_refined
 from damping.formats.uff import read_uff
 from damping.formats.wave import read_wav
@@ -123,6 +123,7 @@ def _list_table_series(
     numbers, labels = table.read(places)
     headers = {role: table.headers[place] for role, place in places.items()}
     require_linear(headers)
+    _require_reference(places, table.headers, numbers, stated)
     if isinstance(table, TextTable) and "auto" in (stated.delimiter, stated.decimal):
         summary.add("table", _describe_layout(table.layout, stated.skip), "found in the file")
     if not stated.columns and kind != "csv":
@@ -152,6 +153,8 @@ def _list_table_series(
             headers["force"] = ColumnHeader("force", "force", unit)
             numbers["force"] = np.full(len(next(iter(numbers.values()))), level)
             summary.note("caution: the level in the names of columns is taken as the drive in every row")
+    if not {"force", "force_x"} & set(numbers) and not stated.forces and {"frequency", "omega"} & set(numbers):
+        require_no_force([header for k, header in enumerate(table.headers) if k not in places.values()])
     note_unheeded_units(numbers, stated, summary)
     facts = replace(
         read_facts(headers, stated),
@@ -161,6 +164,19 @@ def _list_table_series(
         force_scaling=force_scaling,
     )
     return to_series(numbers, labels, facts, label, summary, peak=kind == "csv")
+
+
+def _require_reference(
+    places: Mapping[str, int], headers: Sequence[ColumnHeader], numbers: Mapping[str, FloatArray], stated: Stated
+) -> None:
+    """Raise InputError if a bare ``Phase`` beside ``Force phase`` may be against the force or its reference."""
+    if "force_angle" in stated.columns or not np.any(numbers.get("force_angle", 0.0)):
+        return
+    phase, of_force = headers[places["angle"]], headers[places["force_angle"]].text
+    if phase.name.lower() == "phase":
+        message = f"is {phase.text!r} against the force, or against the reference of {of_force!r}?"
+        expected = "--column amplitude=NAME --column angle=NAME, in the second case --column force_angle=NAME too"
+        raise InputError(message, expected=expected)
 
 
 def _summarise_columns(

@@ -33,6 +33,20 @@ _WHOLE = {name: re.compile(rf"[+-]?[1-9]\d{{0,2}}([{mark}]\d{{3}})*|0") for name
 _UNMARKED = {name: re.compile(rf".*[{mark}]|[+-]?\d{{4}}") for name, mark in DECIMALS.items()}
 
 
+#: What a cell may hold instead.
+_OTHERWISE = (
+    (re.compile(r"\d:\d\d"), " (a clock time, in place of seconds)"),
+    (re.compile(r"\d\s*[ij]\W*$"), " (a complex number: give its parts in two columns, such as re and im)"),
+)
+_CLOCK = re.compile(r"(?:[\d./-]+[ T])?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)")  # 2024-01-05 12:00:00.004
+
+
+def read_clock(cell: str) -> float | None:
+    """Seconds since midnight of a clock time, with or without a date; None if the cell is none."""
+    match = _CLOCK.fullmatch(cell.strip())
+    return None if match is None else 3600.0 * int(match[1]) + 60.0 * int(match[2]) + float(match[3].replace(",", "."))
+
+
 def read_number(cell: str, decimal: str, line: int, column: str) -> float:
     """The number in a cell; NaN if nothing was measured.
 
@@ -52,6 +66,7 @@ def read_number(cell: str, decimal: str, line: int, column: str) -> float:
         return float(write_plainly(text, decimal))
     hint = f" (is --decimal {name} meant?)" if re.fullmatch(rf"[+-]?\d*[{other}]\d*([eE][+-]?\d+)?", text) else ""
     grouped = ", without marks between thousands" if _IN_THREES.fullmatch(text) else ""
+    hint = hint or next((said for pattern, said in _OTHERWISE if pattern.search(text)), "")
     message = f"{describe_shortened(text)!r} is not a number{hint}"
     expected = f"a number with a decimal {decimal}{grouped}"
     raise InputError(message, line=line, column=describe_shortened(column), expected=expected)

@@ -13,7 +13,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats.cells import DECIMALS, DELIMITERS, NUMBER, Thousands, find_decimal, read_number
+from damping.formats.cells import DECIMALS, DELIMITERS, NUMBER, Thousands, find_decimal, read_clock, read_number
 from damping.formats.headers import ColumnHeader, merge_units, parse_header
 from damping.formats.roles import ABSCISSA, recognise
 from damping.records.keys import LARGEST
@@ -21,6 +21,7 @@ from damping.records.text import CsvRows, count, describe_cell, recode, unguarde
 
 _LONGEST_LINE = 1_000_000
 _LOOKED_AT = 60  # lines from which the layout is determined
+_DAY = 86400.0  # s
 _COMMENTS = ("#", "%")
 _BREAK = re.compile(r"\s*[\r\n]+\s*|[\u00a0\u2009\u202f]")
 
@@ -144,13 +145,17 @@ class TextTable:
         values = {role: array("d") for role in places if role != "sweep"}
         gapless = set(values) - {"force"} if "time" in places and not {"frequency", "omega"} & set(places) else set()
         labels: list[str] | None = [] if "sweep" in places else None
+        is_clock = False
         thousands = Thousands(decimal, is_possible=self.is_doubtful)
         for line, row in rows:
             if len(row) != len(names):
                 expected = f"{len(names)} as in the header"
                 raise InputError(f"{count(len(row), 'cell')} in the row", line=line, expected=expected)
             for role, column in values.items():
-                column.append(read_number(row[places[role]], decimal, line, names[places[role]]))
+                cell = row[places[role]]
+                clock = read_clock(cell) if role == "time" else None
+                column.append(read_number(cell, decimal, line, names[places[role]]) if clock is None else clock)
+                is_clock |= clock is not None
                 if role in gapless and not abs(column[-1]) <= LARGEST:
                     what = describe_cell(row[places[role]])
                     raise InputError(what, line=line, column=names[places[role]], expected="a number in every row")
@@ -163,6 +168,8 @@ class TextTable:
         numbers = {role: np.frombuffer(column, dtype=np.float64) for role, column in values.items() if len(column)}
         if not numbers:
             raise InputError("no data rows", expected="at least one row below the header")
+        if is_clock:  # which starts again at midnight
+            numbers["time"] = numbers["time"] + _DAY * np.cumsum(np.diff(numbers["time"], prepend=0.0) < -0.5 * _DAY)
         thousands.require_none()
         return numbers, None if labels is None else tuple(labels)
 

@@ -21,14 +21,16 @@ _UNIT = re.compile(r"^(.*?)\s*[\[(]\s*([^\[\]]*?)\s*[\])]$")
 _BEFORE_UNIT = re.compile(r"(?<=\S)(?:\s+in\s+|\s*[/,]\s*|\s+|_)(?=[^\W\d_][^\s_]*$|°$)")
 _UNIT_WITHIN = re.compile(r"\s*[\[(]([^\[\]]+)[\])](?=\s)")  # tip (g/N) Real
 _SCALINGS = (
-    r"(?:(?P<pp>peak[- ](?:to[- ])?peak|pk[- ](?:to[- ])?pk|p-p|pkpk|pp|spitze-spitze"
-    r"|crête[- ]à[- ]crête)|(?P<rms>rms|r\.m\.s|eff(?:ektiv(?:wert)?|icace)?)|(?P<peak>0-p(?:k|eak)?|peak|pk))"
+    r"(?:(?P<pp>peak[- ](?:to[- ])?peak|pk[- ](?:to[- ])?pk|p-p|pkpk|pp|p(?:k)?2p(?:k)?|ptp|double[- ]amplitude"
+    r"|spitze-spitze|schwing(?:weite|breite)|(?:crête|pic)[- ](?:à[- ])?(?:crête|pic)|c-c|(?-i:D\.A|DA|SS|ss))"
+    r"|(?P<rms>rms|r\.m\.s|eff(?:ektiv(?:wert)?|icace)?)|(?P<peak>[0o]-p(?:k|eak)?|peak|pk))"
 )
 #: g rms, Accel [g] (rms)
 _SCALING = re.compile(rf"(?i)(?P<apart>[\s_,-]*(?P<open>[\[(])?){_SCALINGS}\.?(?(open)[\])])$")
+_LETTER = re.compile(rf"(?i)(?P<letter>[a-z]){_SCALINGS}")
 SCALING_WITHIN = re.compile(rf"(?i)(?<![^\W\d_]){_SCALINGS}(?![^\W_])")  # RMS tip, tip_rms_g, tip1rms
 _DECIBELS = re.compile(r"dB(?![a-z])|(?<![A-Za-z])(?:db|DB)(?![A-Za-z])")  # HdB, Accel_dB, dB re 1 g
-_ANGLES = dict.fromkeys(("deg", "degree", "degrees", "°", "grad", "degrés", "grados", "gradi"), "degrees") | {
+_ANGLES = dict.fromkeys(("deg", "degree", "degrees", "°", "grad", "degré", "degrés", "grados", "gradi"), "degrees") | {
     "rad": "radians"
 }
 #: Units of an abscissa in Hz, rad/s and s, in lower case; others are refused.
@@ -63,7 +65,10 @@ NAMES["own"] = {role: [role] for role in ROLES} | NAMES["own"]
 #: Order of the time derivative of displacement by quantity.
 ORDERS: dict[str, int] = {name: kind["order"] for name, kind in NAMES["response"].items() if not kind["per_force"]}
 _KNOWN_NAMES = {
-    name for table in ("own", "laboratory", "motion", "amplifier") for names in NAMES[table].values() for name in names
+    name
+    for table in ("own", "laboratory", "load", "motion", "amplifier")
+    for names in NAMES[table].values()
+    for name in names
 }
 
 
@@ -118,6 +123,8 @@ def parse_header(text: str) -> ColumnHeader:
     title, within = (match[1].rstrip("/ "), match[2]) if match else _split_bare_unit(rest)
     within, inner = _take_scaling(within, apart=False)
     name, first = _take_scaling(title, apart=True)
+    if within and (letter := _LETTER.fullmatch(name)):  # arms [g], vpp [V]
+        name, first = letter["letter"], _name_scaling(letter)
     known = name.lower() in _KNOWN_NAMES  # other names may be of sensors: roof N, roof pk
     scaling = inner or last or first or _name_scaling(SCALING_WITHIN.search(title))
     title = title if within or match else text.strip()
@@ -198,7 +205,7 @@ def fits_role(role: str, header: ColumnHeader) -> bool:
     if role == "sweep_rate":
         return header.unit.lower() in RATES or (not header.unit and header.name.lower() == role)
     if not header.unit or role == "sweep":
-        return True
+        return not is_in_decibels(header)
     text = header.unit.lower()
     if role in ABSCISSAS:
         return text in ABSCISSAS[role] and (role != "frequency" or not text.startswith("rad"))

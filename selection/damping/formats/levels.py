@@ -24,7 +24,11 @@ from damping.records.text import describe_shortened
 LEVEL = re.compile(
     r"(?<![\w.,])(?:run[_ -]?)?(?:[A-Za-z]+\s*=\s*)?(\d+(?:[.,p]\d+)?)[\s_]*(mN|kN|N|lbf|g|m/s(?:\^?2|²))(?![\w/])"
 )
-DRIVE = re.compile(r"(?i)\b(control|ctrl|drive|base|input|force|shaker|reference)\b")  #: names of channels that drive
+#: Names of channels that drive.
+DRIVE = re.compile(
+    r"(?i)\b(control|ctrl|drive|base|input|force|shaker|reference|excitation|steuerung|steuerkanal|regelung|regelkanal"
+    r"|kraft|erregung|anregung|effort|pilote|pilotage|commande)\b"
+)
 #: Names of numbered drive channels, such as ``force_1``.
 NUMBERED = re.compile(r"(?i)(?:^|[\W_])(?:control|drive|base|input|force|shaker)[ _-]?\d+$")
 _MOST_ROWS = 100_000  # of a sweep: longer arrays are histories

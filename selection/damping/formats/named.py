@@ -103,7 +103,8 @@ def _choose_role(arrays: Mapping[str, Samples], roles: Sequence[str], what: str,
     present = [role for role in roles if role in arrays]
     if len(present) > 1 or (needed and not present):
         message = f"{'both ' + ' and '.join(present[:2]) if present else 'no'} {what}"
-        raise InputError(message, expected=f"--column {'=NAME or '.join(roles)}=NAME")
+        rate = "" if "time" not in roles or present else ", or --rate HZ of a signal without times"
+        raise InputError(message, expected=f"--column {'=NAME or '.join(roles)}=NAME{rate}")
     return present[0] if present else None
 
 

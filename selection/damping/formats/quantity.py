@@ -27,6 +27,7 @@ _SIZES: dict[tuple[int, int, int], dict[str, float]] = {
     (0, 0, 0): {"1": 1.0, "rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "µrad": 1e-6, "μrad": 1e-6, "deg": pi / 180.0},
     (1, 0, 0): {
         **{"N": 1.0, "newton": 1.0, "newtons": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": STANDARD_GRAVITY_M_S2},
+        **{"daN": 10.0, "kp": STANDARD_GRAVITY_M_S2, "kip": 1e3 * POUND_FORCE_N, "klbf": 1e3 * POUND_FORCE_N},
         **{"lb": POUND_FORCE_N, "lbf": POUND_FORCE_N, "MN": 1e6, "uN": 1e-6, "nN": 1e-9, "pN": 1e-12},
         **{"µN": 1e-6, "μN": 1e-6},  # micro sign, Greek mu
     },
@@ -39,6 +40,7 @@ _SIZES: dict[tuple[int, int, int], dict[str, float]] = {
     (0, 1, -1): {"ips": INCH_M},
     (0, 1, -2): {
         **{"g": STANDARD_GRAVITY_M_S2, "gn": STANDARD_GRAVITY_M_S2, "mg": 1e-3 * STANDARD_GRAVITY_M_S2},
+        "gal": 1e-2,
         **{f"{micro}g": 1e-6 * STANDARD_GRAVITY_M_S2 for micro in "uµμ"},
     },
     (1, -1, 2): {"kg": 1.0},

@@ -5,7 +5,6 @@
 3. the rules `USUAL` on usual names and units, in their order, but for motions if 2 gives one.
 """
 
-import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from typing import TypeAlias
 from damping.errors import InputError
 from damping.formats.cells import DELIMITERS
 from damping.formats.headers import NAMES, PHASES, ROLE_NAMES, ColumnHeader, fits_role, lower_name
+from damping.formats.phases import MOTIONS, WORDS, find_half, is_phase_of_force, list_phases
 from damping.formats.quantity import find_powers
 from damping.records.keys import OPTIONAL_COLUMNS
 from damping.records.text import describe_meant, describe_shortened
@@ -21,11 +21,8 @@ from damping.records.text import describe_meant, describe_shortened
 Places: TypeAlias = dict[str, int]  #: columns by role
 ABSCISSA = frozenset(("frequency", "omega", "time"))  #: roles of what sets a row
 _MOTION = frozenset(("response", "x", "y", "amplitude"))  #: roles of a motion
-#: Types of a response by name.
-_MOTIONS = {name: kind for kind, known in NAMES["motion"].items() for name in known}
 _ROTATIONS = dict.fromkeys(NAMES["rotation"]["displacement"], "displacement")
-_LAGS = {*NAMES["part"]["lag"], *NAMES["part"]["lead"]}
-_WORDS = re.compile(r"[\s_.]+")  #: marks between the words of a name
+_OF_MOTIONS = ((1, 0), (1, -1), (1, -2))  #: powers of length and time of motions, and of their ratios to force
 
 
 @dataclass(frozen=True)
@@ -50,7 +47,7 @@ def recognise(headers: Sequence[ColumnHeader]) -> Roles:
     if "x" in places and "angle" in places:  # parts have no other phase
         del places["angle"], rules["angle"]
     name = next((names[places[role]] for role in ("amplitude", "response") if role in places), None)
-    response = None if name is None else (_MOTIONS | _ROTATIONS)[name] if len(name) > 1 else ""
+    response = None if name is None else (MOTIONS | _ROTATIONS).get(name, "") if len(name) > 1 else ""
     return Roles(places, response, rules)
 
 
@@ -62,21 +59,30 @@ def _find_named(headers: Sequence[ColumnHeader], names: Sequence[str], found: Pl
     return places
 
 
+def _find_load(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
+    loads = [k for k, name in enumerate(names) if name in NAMES["load"]["force"] and headers[k].unit]
+    fitting = [k for k in loads if fits_role("force", headers[k])]
+    return {"force": fitting[0]} if len(fitting) == 1 and "force" not in found else {}
+
+
 def _find_hertz(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
     in_hertz = [k for k, header in enumerate(headers) if header.unit.lower() in ("hz", "khz")]
     return {"frequency": in_hertz[0]} if len(in_hertz) == 1 and ABSCISSA.isdisjoint(found) else {}
 
 
 def _find_motion(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
-    free = [k for k, name in enumerate(names) if name in _MOTIONS and k not in found.values()]
-    fitting = [k for k in free if fits_role(_MOTIONS[names[k]], headers[k])]
+    free = [k for k, name in enumerate(names) if name in MOTIONS and k not in found.values()]
+    fitting = [k for k in free if fits_role(MOTIONS[names[k]], headers[k])]
     return {"response" if _is_history(found) else "amplitude": fitting[0]} if fitting else {}
 
 
 def _find_phase(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
     angles = [k for k, name in enumerate(names) if name in NAMES["phase"]["angle"] and headers[k].angle]
-    phases = _list_phases(headers) or (angles if "amplitude" in found and len(angles) == 1 else [])
-    return {"angle": phases[0]} if phases and not _is_history(found) else {}
+    phases = list_phases(headers, _name_response(headers, found))
+    phases = phases or (angles if "amplitude" in found and len(angles) == 1 else [])
+    of_force = [k for k, header in enumerate(headers) if is_phase_of_force(header)] if "force" in found else []
+    both = {"angle": phases[:1], "force_angle": of_force[:1] if len(of_force) == 1 and phases else []}
+    return {} if _is_history(found) else {role: place for role, places in both.items() for place in places}
 
 
 def _find_rotation(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
@@ -86,18 +92,42 @@ def _find_rotation(headers: Sequence[ColumnHeader], names: Sequence[str], found:
 
 
 def _find_parts(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
-    motions = _is_history(found) or "amplitude" in found or "z" in names
-    return {} if motions or not {"x", "y"} <= set(names) else {"x": names.index("x"), "y": names.index("y")}
+    if _is_history(found) or "amplitude" in found:
+        return {}
+    if {"x", "y"} <= set(names):
+        return {} if "z" in names else {"x": names.index("x"), "y": names.index("y")}
+    halves = {kind: [find_half(header, kind) for header in headers] for kind in ("x", "y")}
+    pairs = [(k, m) for k, x in enumerate(halves["x"]) for m, y in enumerate(halves["y"]) if x is not None and x == y]
+    of_force = [pair for pair in pairs if not set(ROLE_NAMES["force"]).isdisjoint(halves["x"][pair[0]] or ())]
+    of_motion = [pair for pair in pairs if pair not in of_force]
+    if len(of_motion) != 1 or len(of_force) > 1:
+        return {}
+    return dict(
+        zip(("x", "y", "force_x", "force_y"), [*of_motion[0], *(of_force[0] if of_force else ())], strict=False)
+    )
+
+
+def _find_only_motion(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
+    if ABSCISSA.isdisjoint(found) or _is_history(found) or "amplitude" in found:
+        return {}
+    free = [k for k in range(len(headers)) if k not in found.values() and names[k] not in OPTIONAL_COLUMNS]
+    free = [k for k in free if set(WORDS.split(names[k])).isdisjoint(NAMES["part"]["neither"])]
+    motions = [k for k in free if headers[k].unit and (find_powers(headers[k].unit) or (0, 0, 0))[1:] in _OF_MOTIONS]
+    is_ratio = len(motions) == 1 and (find_powers(headers[motions[0]].unit) or (0, 0, 0))[0] == -1
+    has_phase = any(header.angle for header in headers)
+    return {"amplitude": motions[0]} if len(motions) == 1 and (is_ratio or has_phase) else {}
 
 
 #: Rules on headers and their names (`_name_columns`), in this order: each adds to the roles that those before it found.
 USUAL: dict[str, Callable[[Sequence[ColumnHeader], Sequence[str], Places], Places]] = {
     "a usual name, without a unit or with one of its role": _find_named,
+    "the only load or excitation in a unit of force, where no force is named": _find_load,
     "the only column in Hz, where no name is that of an abscissa": _find_hertz,
     "the first motion: against time a response, else an amplitude": _find_motion,
+    "the only column in a unit of motion, beside an angle or in a ratio to force": _find_only_motion,
     "the first phase, or the only angle of an amplitude; not against time": _find_phase,
     "the last rotation beside a moment, without another motion": _find_rotation,
-    "x and y without time, amplitude and z: the parts of a complex response": _find_parts,
+    "x and y without time, amplitude and z, or Re and Im of one name: the parts of a complex response": _find_parts,
 }
 
 
@@ -205,19 +235,15 @@ def _describe_other_delimiter(names: list[str]) -> str:
     return f" (is --delimiter {other} meant?)" if other else ""
 
 
-def _list_phases(headers: Sequence[ColumnHeader]) -> list[int]:
-    """Columns called ``phase``; else those that begin so, or are called lag or lead, in the unit of an angle."""
-    names = [header.name.lower() for header in headers]
-    own = [k for k, name in enumerate(names) if name == "phase" and (headers[k].angle or not headers[k].unit)]
-    lags = [name.startswith("phase") or not _LAGS.isdisjoint(_WORDS.split(name)) for name in names]
-    further = [k for k, header in enumerate(headers) if header.angle and lags[k]]
-    return own or [k for k in further if names[k] not in OPTIONAL_COLUMNS]  # phase_sd, phase_3
+def _name_response(headers: Sequence[ColumnHeader], places: Mapping[str, int]) -> str:
+    """Name of the column of the response in lower case, '' if there is none."""
+    return next((headers[places[role]].name.lower() for role in sorted(_MOTION & set(places))), "")
 
 
 def _find_shared_name(places: Mapping[str, int], headers: Sequence[ColumnHeader]) -> str:
     """The first name that a column with a role shares with another, '' if none; all phases share theirs."""
     titles = [lower_name(header.title) for header in headers]
-    if "angle" in places and len(_list_phases(headers)) > 1:
+    if "angle" in places and len(list_phases(headers, _name_response(headers, places))) > 1:
         return "phase"
     return next((titles[place] for place in places.values() if titles.count(titles[place]) > 1), "")
 
@@ -243,12 +269,12 @@ def _name_columns(headers: Sequence[ColumnHeader]) -> list[str]:
 def _known_words(header: ColumnHeader) -> dict[str, str]:
     """Quantity by known name of a column, or by each of its known words."""
     name = header.name.lower()
-    known = {word: kind for word in (name, *_WORDS.split(name)) if (kind := _measures(word, header))}
+    known = {word: kind for word in (name, *WORDS.split(name)) if (kind := _measures(word, header))}
     return {name: known[name]} if name in known else known
 
 
 def _measures(word: str, header: ColumnHeader) -> str:
     """Quantity of a column by a word of its name and its unit: a role, or ``motion``; else ''."""
     roles = [role for role in _list_usual(word, header) if role != "sweep" and header.unit]
-    is_motion = header.unit and word in _MOTIONS and fits_role(_MOTIONS[word], header)
+    is_motion = header.unit and word in MOTIONS and fits_role(MOTIONS[word], header)
     return roles[0] if roles else "motion" if is_motion else ""

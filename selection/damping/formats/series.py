@@ -15,7 +15,8 @@ import pandas as pd
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats.headers import NAMES, PHASES, parse_header
+from damping.formats.headers import NAMES, PHASES, ROLE_NAMES, ColumnHeader, parse_header
+from damping.formats.quantity import find_powers
 from damping.records.keys import LARGEST
 from damping.records.text import describe_shortened
 
@@ -144,6 +145,19 @@ def require_response(of_role: Mapping[str, str], names: Iterable[str], stated: S
         raise InputError("are x and y the parts of one complex response, or two motions?", expected=expected)
 
 
+def require_no_force(headers: Iterable[ColumnHeader]) -> None:
+    """Raise InputError if a column without a role may be the force, by its unit or a word of its name."""
+    known = {name for name in ROLE_NAMES["force"] if len(name) > 1}
+    doubtful = [
+        header.text
+        for header in headers
+        if not header.angle and (find_powers(header.unit) == (1, 0, 0) or known & {*header.name.lower().split()})
+    ]
+    if doubtful:
+        expected = "--column force=NAME (--unit force=UNIT), or --force AMPLITUDE of each sweep"
+        raise InputError(f"which column is the force? {describe_shortened(', '.join(doubtful), 80)}", expected=expected)
+
+
 #: Range above which an angle within 2 pi is in rad: a resonance turns it by pi; a few degrees are no resonance.
 _TURN_IN_RADIANS = 1.5
 
@@ -151,8 +165,10 @@ _TURN_IN_RADIANS = 1.5
 def convert_angles(arrays: Mapping[str, Samples], facts: FileFacts, summary: Summary) -> dict[str, Samples]:
     """Convert angles to rad if the header says degrees, or if an angle of unknown sense is too large for rad.
 
-    An uncertainty without a unit has that of its phase; a phase without any number is dropped. Roles that end in
-    ``_deg`` stay in degrees. InputError: an angle stated in rad is too large, or one in degrees turns as if in rad.
+    An angle of the force against the reference is subtracted from that of the response. An uncertainty without a unit
+    has that of its phase; a phase without any number is dropped. Roles that end in ``_deg`` stay in degrees.
+
+    InputError: an angle stated in rad is too large, or one in degrees turns as if in rad.
     """
     turned, of_phase = dict(arrays), ""
     for role in PHASES:
@@ -170,6 +186,8 @@ def convert_angles(arrays: Mapping[str, Samples], facts: FileFacts, summary: Sum
         if role == "angle":
             source = "found in the file" if role in facts.angles else "follows from its size"
             summary.add("unit of angle", of_phase, source)
+    if "force_angle" in turned:
+        _subtract_force_angle(turned, facts.angles.get("force_angle") or of_phase, summary)
     if "phase_sd" in turned:
         degrees = (facts.angles.get("phase_sd") or of_phase) == "degrees"
         if degrees:
@@ -177,6 +195,17 @@ def convert_angles(arrays: Mapping[str, Samples], facts: FileFacts, summary: Sum
         source = "found in the file" if "phase_sd" in facts.angles else "that of the phase"
         summary.add("unit of phase_sd", "degrees" if degrees else "rad", source)
     return turned
+
+
+def _subtract_force_angle(turned: dict[str, Samples], unit: str, summary: Summary) -> None:
+    """Replace the angle of the response by that against the force. InputError: there is none, or another shape."""
+    role = next((role for role in PHASES if role in turned), None)
+    of_force = np.asarray(turned.pop("force_angle"), dtype=np.float64)
+    if role is None or of_force.shape != np.shape(turned[role]):
+        raise InputError("force_angle without an angle of the response in each row", expected="--column angle=NAME")
+    radians = of_force * (pi / 180.0 if unit == "degrees" else 1.0)
+    turned[role] = turned[role] - (radians * (180.0 / pi) if role.endswith("_deg") else radians)
+    summary.note("the phase of the force is subtracted from that of the response")
 
 
 def _find_unit(role: str, values: Samples, stated: str) -> str:

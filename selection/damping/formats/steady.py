@@ -190,7 +190,7 @@ def _force(row: Series, keep: BoolArray, level: float | None, to: Conversion, kn
     if to.force is None:
         raise InputError("the unit of the force is neither in the file nor stated", expected="--unit force=N")
     if level is not None:
-        known.summary.add("force", f"{level:g} at every row", "stated")
+        known.summary.add("force", f"{level:g} {known.unit_of('force')}".strip() + " at every row", "stated")
         return np.full(int(np.count_nonzero(keep)), level * to.force)
     known.summary.add("force", "measured at every row", "found in the file")
     assert row.force is not None  # checked above

@@ -120,7 +120,7 @@ def ring_down(
     _refuse_clipping(x)
     t, x, dt, jitter = space_evenly(t, x, frequency)
     t, x = average_groups(t, x, dt, frequency)
-    dt = float(t[1] - t[0])
+    dt = float((t[-1] - t[0]) / (len(t) - 1))  # of all samples: times printed to few decimals differ in their steps
     window = make_flat_window(frequency, periods, dt)
     if len(x) < 2 * len(window.offsets):
         has = len(x) * dt * frequency
