@@ -60,6 +60,15 @@ def test_a_table_fits_and_keeps_its_numbers():
     assert long in "\n".join(table.fit(120))
 
 
+@pytest.mark.parametrize(("names", "width"), [((), 79), (("on the left",), 86)])
+def test_a_table_as_wide_as_the_terminal_stays_one(names, width):
+    """Columns of 7 characters, a name of 14, and a gap of 2 between each two: n columns have n - 1 gaps."""
+    table = PlainTable("", [str(i) for i in range(9 - len(names))], names)
+    table.add_row(*["a name in full"] * len(names), *["1234567"] * (9 - len(names)))
+    assert [len(line) for line in table.fit(width)] == [width] * 3
+    assert len(table.fit(width - 1)) > 3
+
+
 def test_columns_that_do_not_fit_go_on_below_under_the_names():
     numbers = tuple(f"column {i}" for i in range(12))
     table = PlainTable("wide", numbers, ("sweep",))
