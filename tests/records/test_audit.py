@@ -303,7 +303,7 @@ def test_prominent_peaks_are_those_of_scipy():
 
 @pytest.mark.parametrize("digits", [2, 3])
 def test_a_flat_top_of_rounded_readings_is_one_peak(digits):
-    """One linear mode (xi = 0.01) read to few digits: the rows about its top are equal, with single lower ones between."""
+    """One linear mode (xi = 0.01) read to few digits: rows about its top are equal, with lower ones between."""
     omega = np.linspace(0.9, 1.1, 1001)
     rng = np.random.default_rng(3)
     response = np.abs(1.0 / (1.0 - omega**2 + 0.02j * omega)) * np.exp(0.003 * rng.normal(size=(20, 1001)))

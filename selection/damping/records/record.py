@@ -55,7 +55,8 @@ class Record(Summarised):
         problems = find_problems(table)
         if problems:
             first = min(problems, key=lambda problem: (problem.row, problem.place(table)))
-            message = f"{first.describe('row', range(len(table)))} in {_name_row(self._rows.index, first.row)}"
+            what, place = first.describe("row", range(len(table))), _name_row(self._rows.index, first.row)
+            message = f"{place} is {what}" if first.column is None else f"{what} in {place}"
             raise InputError(message, file=self.source or None, column=first.column, expected=first.expected)
         vars(self)["_rows"] = table
 
@@ -191,7 +192,8 @@ def require_columns(
     other = " (damping import reads other tables)" * (missing == list(keys.REQUIRED_COLUMNS))
     hint = hint or (f" among {describe_shortened(', '.join(names), 80)}{other}" if names else "")
     message = f"missing column{'s' if len(missing) > 1 else ''} {', '.join(missing)}{hint}"
-    raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}, separated by commas")
+    of_text = ", separated by commas" if line is not None else ""
+    raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}{of_text}")
 
 
 def _name_row(index: pd.Index, row: int) -> str:
