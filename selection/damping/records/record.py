@@ -37,8 +37,9 @@ class Record(Summarised):
 
     ``table`` has the columns ``sweep`` (text), ``force``, ``frequency`` (Hz), ``amplitude`` and if given ``phase``
     (rad, lag of displacement behind force), ``energy`` (per cycle), ``mass``, ``amplitude_sd``, ``phase_sd``,
-    ``force_sd`` (floats), then any others unchanged; rows in file order, index 0..n-1. ``source`` is the origin, for
-    messages. Records are equal if rows and source are equal.
+    ``force_sd``, ``added_mass``, ``amplitude_3``, ``phase_3``, ``amplitude_y``, ``phase_y``, ``sweep_rate`` (Hz/s),
+    ``time`` (s; floats) and ``decay`` (text), then any others unchanged; rows in file order, index 0..n-1. ``source``
+    is the origin, for messages. Records are equal if rows and source are equal.
 
     A record is immutable: ``table``, also called ``frame``, is a copy at each access; an edited copy makes another
     record. InputError: a problem found by :func:`find_problems`, a column that is missing or not numbers, or no rows.
