@@ -110,7 +110,8 @@ def describe_comparison_page(studies: Sequence[StudySummary], versions: Mapping[
     }
     footer = Footer(studies[0].form.seed, versions, {f"{study.name}: summary.json": study.digest for study in studies})
     sections = write_sections(Path(__file__).with_suffix(".txt"), values, parts)
-    return render_page(f"{len(studies)} studies side by side", sections, footer)
+    compared = f"{len(studies)} studies" if len(studies) > 1 else "Records of a study"
+    return render_page(f"{compared} side by side", sections, footer)
 
 
 def _tabulate_records(studies: Sequence[StudySummary]) -> Table:

@@ -19,6 +19,7 @@ from damping.formats.steady import steady_record
 from damping.records.mode import Mode, Units, read_mode
 from damping.records.record import Record, record_to_csv
 from damping.records.text import DEFAULT_MAX_SIZE
+from damping.report import format_quantity
 from damping.signals.ringdown import Decay, ring_down
 from damping.signals.windows import PERIODS
 from damping_pipelines.store import check_outputs, write_json, write_text
@@ -191,8 +192,8 @@ def _decays(
     _same_system(mode, stated, summary)
     histories = time_histories(series, stated, summary)
     summary.add("mode", f"{mode.name}: {mode.frequency:g} Hz, mass {mode.mass:g}", mode.source)
-    known = {"mass": mode.mass, "frequency": mode.frequency, **window}
-    tables = [table for history in histories for table in _list_levels(history, parts, known, file, summary)]
+    known, length = {"mass": mode.mass, "frequency": mode.frequency, **window}, mode.units.length
+    tables = [table for history in histories for table in _list_levels(history, parts, known, length, file, summary)]
     table = pd.concat(tables, ignore_index=True)
     if len(histories) > 1:
         one = "take one (--column response=NAME), or all with damping campaign"
@@ -203,9 +204,9 @@ def _decays(
 
 
 def _list_levels(
-    history: TimeHistory, parts: Sequence[Part], known: Mapping[str, Any], file: Path, summary: Summary
+    history: TimeHistory, parts: Sequence[Part], known: Mapping[str, Any], length: str, file: Path, summary: Summary
 ) -> Iterator[pd.DataFrame]:
-    """The levels of each part of a time history; ``known``: of its mode and window."""
+    """The levels of each part of a time history; ``known``: of its mode and window; ``length``: unit of amplitude."""
     free = history.list_free(2.0 * PERIODS / known["frequency"]) if parts[0] == (None, None) else []
     if (part := _choose_part(history, free)) is not None:
         parts = [part]
@@ -222,7 +223,7 @@ def _list_levels(
         if history.is_driven(float(levels.time[0]), float(levels.time[-1])):
             remedy = "choose a part without it (--start, --end), or damping campaign where it is a sine"
             raise AnalysisError(f"{file}: {label!r} is no free decay: the force acts on; {remedy}")
-        _summarise(label, levels, summary)
+        _summarise(label, levels, length, summary)
         yield levels.table(label)
 
 
@@ -234,10 +235,11 @@ def _choose_part(history: TimeHistory, free: Sequence[Part]) -> Part | None:
     return next((part for part in free if part[1] is not None and part[1] > largest), None)
 
 
-def _summarise(label: str, levels: Decay, summary: Summary) -> None:
+def _summarise(label: str, levels: Decay, length: str, summary: Summary) -> None:
+    largest, smallest = (format_quantity(levels.amplitude[k], length, 4) for k in (0, -1))
     summary.add(
         f"decay {label!r}",
-        f"{len(levels.time)} levels, amplitude {levels.amplitude[0]:.4g} to {levels.amplitude[-1]:.4g}, "
+        f"{len(levels.time)} levels, amplitude {largest} to {smallest}, "
         f"{levels.frequency[0]:.5g} to {levels.frequency[-1]:.5g} Hz, "
         f"damping ratio {levels.damping_ratio[0]:.3g} to {levels.damping_ratio[-1]:.3g}",
         "follows",

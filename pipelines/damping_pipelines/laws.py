@@ -37,6 +37,7 @@ from damping_pipelines.terminal import (
 
 MOST_LAWS = 3  #: laws whose coefficients are shown
 MOST_NAMED = 5  #: laws named with their weights
+LEAST_NAMED = 0.0005  #: weight of a law named with it: a smaller one is 0.000 in its three decimals
 #: Per cent; errors below it are rounding: a law with as many parameters as points passes through all.
 SMALL = 0.01
 
@@ -110,7 +111,8 @@ def print_ranking(result: RankingResult, mode: Mode) -> None:
     out.print(table)
     out.print(_tabulate_coefficients([c for c, _ in shown[:MOST_LAWS]], mode.units))
     rest = len(result) - len(shown)
-    out.print(f"Criterion: {result.ranking.criterion}. Errors are in % of resonant amplitude.")
+    of_rows = "; the first line counts every row, beside resonance too" if result.headlines else ""
+    out.print(f"Criterion: {result.ranking.criterion}. Errors are in % of resonant amplitude{of_rows}.")
     out.print(f"{rest} further laws weigh less than {100 * LEAST_WEIGHT:g} %: --json lists them.")
     _print_notes(notes, result)
 
@@ -211,9 +213,9 @@ def _state_frequency(row: Mapping[Hashable, Any]) -> str:
 def _name_laws(laws: Iterable[Band | Member]) -> str:
     """The laws of largest weight in one line."""
     ordered = sorted(laws, key=lambda law: -law.weight)
-    rest = len(ordered) - MOST_NAMED
-    more = f", and {rest} more" if rest > 0 else ""
-    return "Laws by weight: " + ", ".join(f"{law.name} {law.weight:.3f}" for law in ordered[:MOST_NAMED]) + more + "."
+    named = [law for law in ordered[:MOST_NAMED] if law.weight >= LEAST_NAMED]
+    more = f", and {len(ordered) - len(named)} more" if len(named) < len(ordered) else ""
+    return "Laws by weight: " + ", ".join(f"{law.name} {law.weight:.3f}" for law in named) + more + "."
 
 
 def _print_what_if(result: LoadsResult, factor: float, length: str) -> None:

@@ -202,7 +202,7 @@ def step_files(steps: tuple[ConditioningStep, ...]) -> dict[str, str]:
 def _print_steps(steps: tuple[ConditioningStep, ...], description: Description, out: Path) -> None:
     terminal, table = console(), PlainTable(description.title or out.stem, (), ("step", "report", "removed, at most"))
     for step in steps:
-        removed = [f"{name} {np.nanmax(np.abs(step.removed[name])):.3g}" for name in step.removed]
+        removed = [f"{name}: {np.nanmax(np.abs(step.removed[name])):.3g}" for name in step.removed]
         constants = [f"{name} = {value:.4g}" for name, value in step.constants.items()]
         left = len(step.before) - len(step.after)
         rows = [f"{left} rows without a damping factor"] if left else []

@@ -114,7 +114,7 @@ class PlainTable:
         needed = [self._width(column) for column in range(count + len(self.numbers))]
         least = [min(size, _LEAST_NAME) for size in needed[:count]]
         blocks: list[list[int]] = [[]]
-        room = width - sum(least) - _GAP * count
+        room = width - sum(least) - _GAP * (count - 1)  # a gap fewer than columns
         left = room
         for column in range(count, len(needed)):
             if blocks[-1] and left < needed[column] + _GAP:

@@ -172,7 +172,7 @@ def diagnose(
         compare: whether to compare the result with the ranked laws.
 
     Raises:
-        AnalysisError: model and record are of different modes, or there are too many rows.
+        AnalysisError: model and record are of different modes, rows are too many, or all at resonance without damping.
     """
     from damping.agreement import compare_with_ranking  # noqa: PLC0415 - loads the diagnosis, which few functions need
     from damping.gap import corrected  # noqa: PLC0415 - as above

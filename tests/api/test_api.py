@@ -318,10 +318,13 @@ def test_what_a_file_may_not_hold_a_frame_may_not_either(tmp_path, column, value
 
 def test_frames_that_are_no_record():
     for table, match in (
-        (GOOD.drop(columns="force"), "missing column force"),
+        (
+            GOOD.drop(columns="force"),
+            r"missing column force among .*; expected columns sweep, force, frequency, amplitude$",
+        ),
         (GOOD.iloc[:0], "no data rows"),
         (GOOD.to_dict(), "no table"),
-        (pd.concat([GOOD, GOOD.iloc[:1]]), "identical in every column to row 0 in row 3"),
+        (pd.concat([GOOD, GOOD.iloc[:1]]), r"row 3 \(labelled 0\) is identical in every column to row 0; expected"),
         (GOOD.assign(force=["1", "x", "2"]), "'x' in row 1; expected a finite number"),
         (GOOD.assign(force=[1.0, np.nan, 2.0]), "'nan' in row 1"),
         (GOOD.assign(sweep=["a", None, "b"]), "column sweep: '(None|nan)' in row 1; expected text"),

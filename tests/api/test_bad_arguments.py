@@ -210,7 +210,7 @@ def test_further_columns_hold_anything():
         assert [str(cell) for cell in record.table["channels"]] == [str(cell) for cell in cells]
     twice = pd.concat([TABLE.iloc[:1]] * 2)
     assert len(dp.Record(twice.assign(channels=[[1], [2]]))) == 2
-    with pytest.raises(dp.InputError, match="identical in every column to row 0 in row 1"):
+    with pytest.raises(dp.InputError, match=r"row 1 \(labelled 0\) is identical in every column to row 0; expected"):
         dp.Record(twice.assign(channels=[[1], [1]]))
 
 

@@ -87,6 +87,13 @@ def test_rows_at_resonance_only(lab, honest):
     assert not any("fewer than" in caution for caution in record_cautions(beside, honest(), lab.mode()))
 
 
+def test_a_mode_without_a_file_is_named_in_messages(lab, honest):
+    peak = honest(phase=None, phase_sd=None, keep=lambda t: t["amplitude"] == t["amplitude"].max())
+    undamped = replace(lab.mode(), damping={}, source="", name="wing")
+    with pytest.raises(AnalysisError, match=r"^wing: the simulation has no damping"):
+        answer(peak, undamped)
+
+
 def test_peaks_beside_a_sweep_without_phases_stay_at_resonance(lab, honest):
     """As the page of files says of a sweep of one row, and as a further sweep is planned beside them."""
     table = honest(phase=None, phase_sd=None).table

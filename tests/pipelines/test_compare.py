@@ -198,6 +198,13 @@ def test_bands_are_said_to_have_the_level_of_their_study(tmp_path, damping):
     assert "with its 80 and 90 % predictive band" in Page((tmp_path / "page.html").read_text()).text
 
 
+def test_the_title_says_what_is_compared(tmp_path, damping):
+    form = summary()
+    form["records"].append({**form["records"][0], "name": "other"})
+    assert damping("compare", study(tmp_path / "one", form), "--out", tmp_path / "page.html").code == 0
+    assert "<h1>Records of a study side by side</h1>" in (tmp_path / "page.html").read_text()
+
+
 @pytest.mark.parametrize("name", ["summary.json", "panel-posteriors.csv", MANIFEST])
 def test_files_of_a_study_are_not_written_over(tmp_path, damping, name):
     one, two = study(tmp_path / "a", summary()), study(tmp_path / "b", summary(2.2))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -85,7 +86,10 @@ def test_a_decay_becomes_a_record_that_is_ranked(tmp_path: Path, capsys: pytest.
     import_file(lab, out, Stated(), mode, levels=6)
     said = " ".join(capsys.readouterr().out.split())
     assert "decay 'release 2'" in said
-    assert "'release 1': the start is lost to half the window: 0.3 s" in said
+    # exp(-zeta omega t) over half a window of 6 periods, 0.3 s, and the largest reading within half a period before
+    (fall,) = re.findall(r"'release 1': the start is lost to half the window: 0.3 s, .* by at most (\d+) %", said)
+    assert 100 * (1 - np.exp(-zeta * n * 0.3)) - 1 < float(fall) < 100 * (1 - np.exp(-zeta * n * 0.35)) + 1
+    assert re.search(r"6 levels, amplitude .*?[\d.]+ m to .*?[\d.]+ m,", said)
     record = read_record(out)
     assert record.sweeps[0] == "release 1 01"
     c = 2 * 2.0 * zeta * n

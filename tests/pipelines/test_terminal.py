@@ -10,6 +10,7 @@ import subprocess
 import sys
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from damping.progress import unknown_length
 from damping.report.forms import PART_NAMES
 from damping_pipelines import QUIET
 from damping_pipelines.cli import app
-from damping_pipelines.laws import Asked, _state_frequency
+from damping_pipelines.laws import Asked, _name_laws, _state_frequency
 from damping_pipelines.terminal import Notes, PlainTable, number_whole, progress
 
 #: A number that was cut: a digit beside what stands for the rest.
@@ -60,6 +61,15 @@ def test_a_table_fits_and_keeps_its_numbers():
     assert long in "\n".join(table.fit(120))
 
 
+@pytest.mark.parametrize(("names", "width"), [((), 79), (("on the left",), 86)])
+def test_a_table_as_wide_as_the_terminal_stays_one(names, width):
+    """Columns of 7 characters, a name of 14, and a gap of 2 between each two: n columns have n - 1 gaps."""
+    table = PlainTable("", [str(i) for i in range(9 - len(names))], names)
+    table.add_row(*["a name in full"] * len(names), *["1234567"] * (9 - len(names)))
+    assert [len(line) for line in table.fit(width)] == [width] * 3
+    assert len(table.fit(width - 1)) > 3
+
+
 def test_columns_that_do_not_fit_go_on_below_under_the_names():
     numbers = tuple(f"column {i}" for i in range(12))
     table = PlainTable("wide", numbers, ("sweep",))
@@ -87,6 +97,12 @@ def test_tables_of_a_record(words, damping, saturn_data):
     run = damping(words[0], record, "--mode", saturn_data / "modes" / "config-2-mode-1.toml", *words[1:])
     assert run.code == 0
     assert "\n---" in run.out
+
+
+def test_laws_are_named_with_weights_that_three_decimals_show():
+    laws = [SimpleNamespace(name=name, weight=w) for name, w in (("a", 0.9991), ("b", 6e-4), ("c", 2e-4), ("d", 1e-4))]
+    assert _name_laws(laws) == "Laws by weight: a 0.999, b 0.001, and 2 more."
+    assert _name_laws(laws[:2]) == "Laws by weight: a 0.999, b 0.001."
 
 
 @pytest.mark.usefixtures("few_laws")

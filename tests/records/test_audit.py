@@ -21,7 +21,7 @@ from damping.records.phase_kinds import classify_phase
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
-from damping.records.runs import Run, find_prominent
+from damping.records.runs import Run, find_prominent, find_run_peaks
 from damping.records.view import Finding, View
 
 ROOT = Path(__file__).parents[2]
@@ -299,6 +299,23 @@ def test_prominent_peaks_are_those_of_scipy():
                 assert own.tolist() == places.tolist()
                 # rounding of a difference
                 assert prominences == pytest.approx(expected["prominences"], rel=1e-12)
+
+
+@pytest.mark.parametrize("digits", [2, 3])
+def test_a_flat_top_of_rounded_readings_is_one_peak(digits):
+    """One linear mode (xi = 0.01) read to few digits: rows about its top are equal, with lower ones between."""
+    omega = np.linspace(0.9, 1.1, 1001)
+    rng = np.random.default_rng(3)
+    response = np.abs(1.0 / (1.0 - omega**2 + 0.02j * omega)) * np.exp(0.003 * rng.normal(size=(20, 1001)))
+    readings = np.array([float(f"{value:.{digits}g}") for value in response.flat]).reshape(response.shape)
+    two = np.concatenate([readings[0], readings[0]])  # equal tops with a valley between them stay two
+
+    def count_peaks(A):
+        rows = np.arange(len(A))
+        return len(find_run_peaks(Run("A", rows, np.ones(len(A)), 0.9 + 2e-4 * rows, A, None, np.zeros(len(A)))))
+
+    assert [count_peaks(A) for A in readings] == [1] * len(readings)
+    assert count_peaks(two) == 2
 
 
 def test_an_offset_of_phases_turns_added_mass_too():

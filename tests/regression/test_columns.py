@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from damping.errors import AnalysisError
+from damping.errors import AnalysisError, InputError
 from damping.records.reading import read_table
 from damping.regression.design import list_required_columns, take_columns
 from damping_reed1970 import data_folder
@@ -31,6 +31,14 @@ def test_names_with_blanks() -> None:
     blank = table(**{"tail amplitude": [1.0]})
     assert list_required_columns(["tailamplitude"], list(blank.columns)) == ("tail amplitude",)
     assert list_required_columns(["tail  amplitude"], list(blank.columns)) == ("tail amplitude",)
+
+
+@pytest.mark.parametrize(("typed", "meant"), [("energi", "energy"), ("omga", "omega")])
+def test_a_typing_error_in_a_derived_column_is_named(typed: str, meant: str) -> None:
+    with pytest.raises(InputError, match=rf"missing column {typed} \(is '{meant}' meant\?\)"):
+        list_required_columns([typed], ["sweep", "force", "frequency", "amplitude"])
+    assert list_required_columns([typed], [typed]) == (typed,)
+    assert list_required_columns(["forse"], ["force", "amplitude"]) == ("forse",)  # that of the table is named later
 
 
 def test_energy_as_given_wins() -> None:

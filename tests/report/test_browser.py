@@ -271,6 +271,14 @@ def test_on_paper_there_is_what_paper_can_hold(opened, html):
         assert one.page.pdf(format="A4").startswith(b"%PDF")
 
 
+def test_tables_fit_into_a_small_window(opened, html):
+    """1000 pixels; tables that are folded away may be wider, and scroll."""
+    wide = "(all) => all.filter((s) => s.offsetParent && s.scrollWidth > s.clientWidth + 1).map((s) => s.innerText)"
+    with opened(html, width=1000) as one:
+        assert one.page.locator("main .scroll table").count() > 3
+        assert one.page.locator("main .scroll").evaluate_all(wide) == []
+
+
 def test_the_answer_and_its_cautions_are_above_the_fold(opened, study, tmp_path):
     path = tmp_path / "report.html"
     path.write_text(render(replace(study, records=study.records[:1])).html)

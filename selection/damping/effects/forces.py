@@ -78,7 +78,7 @@ OF_ONE_COEFFICIENT = (
         "velocity-squared", VelocitySquared, "damping with the square of velocity (case III) is missing"
     ),
     _coefficient_effect("displacement-velocity", DisplacementVelocity, "damping as |q| q' (case IV) is missing"),
-    _coefficient_effect("quadratic-displacement", QuadraticDisplacement, "damping as q^2 q' (V) is missing"),
+    _coefficient_effect("quadratic-displacement", QuadraticDisplacement, "damping as q^2 q' (case V) is missing"),
     _coefficient_effect("coulomb-friction", Coulomb, "constant friction against velocity is missing"),
 )
 

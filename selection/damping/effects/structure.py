@@ -127,7 +127,7 @@ PLANAR_COUPLING = Effect(
         plane=Plane(tan(table["angle"]) ** 2, table["frequency_ratio"], table["alike"] != 0.0, table["damping_ratio"]),
     ),
     shapes=(
-        Shape("angle"),
+        Shape("angle", label="angle in rad"),
         Shape("frequency_ratio", above=0.0),
         Shape("damping_ratio", least=0.0, default=1.0),
         Shape("alike", least=0.0, default=0.0),

@@ -21,7 +21,7 @@ VOLTS = ("V", "mV", "uV", "µV", "μV")  #: units of signals before they are mul
 _STATED = "stated"
 _FOUND = "found in the file"
 _FOLLOWS = "follows"
-_OF_ROLE = "of the role, or found in the file"
+_OF_ROLE = "usual for such data, or found in the file"
 #: A unit of each response type.
 _EXAMPLES: dict[str, str] = {name: kind["unit"] for name, kind in NAMES["response"].items()}
 

@@ -159,7 +159,8 @@ def explain(
     rows = start.problem.rows
     if rows.at_resonance and not mode.damping and simulate is None:
         message = "the simulation has no damping, and so no resonance to compare with these rows, all at resonance"
-        raise AnalysisError(f"{mode.source}: {message}: add a force to [damping]; damping rank finds the law")
+        advice = "add a force to [damping]; damping rank finds the law"
+        raise AnalysisError(f"{mode.source or mode.name}: {message}: {advice}")
     simulator = start.problem.simulation.simulator
     doubts = () if simulator is None else check_simulator(simulator, record)
     library = exclude_effects(CATALOGUE, mode, rows)

@@ -195,8 +195,9 @@ def join_states(states: Sequence[tuple[PhasorRows, Mode]]) -> PhasorRows:
     for number, (further, mode) in enumerate(states[1:], 1):
         if list(mode.damping) != list(base.damping):
             own, first_own = (", ".join(of.damping) or "no damping" for of in (mode, base))
+            one, other = (of.source or of.name for of in (mode, base))
             shared = "states share their damping forces: give each model the same ones"
-            raise AnalysisError(f"{mode.source}: simulates {own}, but {base.source} simulates {first_own}; {shared}")
+            raise AnalysisError(f"{one}: simulates {own}, but {other} simulates {first_own}; {shared}")
         n = len(further)
         changed: dict[str, Any] = {"state": np.full(n, float(number))}
         if is_same_structure(mode, base):

@@ -102,8 +102,8 @@ def simulated_force(mode: Mode) -> Force:
         if effect.force is None:
             known = ", ".join(other.name for other in CATALOGUE.values() if other.force)
             raise AnalysisError(
-                f"{mode.source}: method time cannot simulate [effects.{name}]: it supports only effects that add a "
-                f"force ({known}); method ritz supports all"
+                f"{mode.source or mode.name}: method time cannot simulate [effects.{name}]: it supports only effects "
+                f"that add a force ({known}); method ritz supports all"
             )
         added.append(effect.force(effect.complete(table)))
     return Sum((*from_damping(mode.damping).forces, *added))

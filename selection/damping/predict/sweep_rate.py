@@ -240,7 +240,7 @@ def as_steady(record: Record, mass: float, frequency: float) -> tuple[Record, tu
         return record, ()
     hertz = rate.octaves_a_minute * log(2.0) / 60.0 * record.frame["frequency"].to_numpy(dtype=float)
     note = (
-        f"peaks are shifted and skewed as by a sweep of {octaves:.2g} +- {rate.standard_error:.1g} octaves a minute "
+        f"peaks are shifted and skewed as by a sweep of {octaves:.2g} ± {rate.standard_error:.1g} octaves a minute "
         f"{'up' if detected > 0.0 else 'down'}, (df/dt)/(2 zeta f)^2 = {rate.severity:.2g}: corrected to steady "
         "states; state sweep_rate (Hz/s) to be sure"
     )

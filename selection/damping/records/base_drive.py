@@ -33,7 +33,7 @@ class Participation:
     def __str__(self) -> str:
         if not self.known:
             return "the rows do not determine the participation; damping ratios assume a participation of 1"
-        return f"the rows imply a participation of {self.value:.4g} +- {100.0 * self.spread:.2g} %"
+        return f"the rows imply a participation of {self.value:.4g} ± {100.0 * self.spread:.2g} %"
 
 
 def find_participation(states: Iterable[tuple[Record, float, float]]) -> Participation:

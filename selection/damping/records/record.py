@@ -37,8 +37,9 @@ class Record(Summarised):
 
     ``table`` has the columns ``sweep`` (text), ``force``, ``frequency`` (Hz), ``amplitude`` and if given ``phase``
     (rad, lag of displacement behind force), ``energy`` (per cycle), ``mass``, ``amplitude_sd``, ``phase_sd``,
-    ``force_sd`` (floats), then any others unchanged; rows in file order, index 0..n-1. ``source`` is the origin, for
-    messages. Records are equal if rows and source are equal.
+    ``force_sd``, ``added_mass``, ``amplitude_3``, ``phase_3``, ``amplitude_y``, ``phase_y``, ``sweep_rate`` (Hz/s),
+    ``time`` (s; floats) and ``decay`` (text), then any others unchanged; rows in file order, index 0..n-1. ``source``
+    is the origin, for messages. Records are equal if rows and source are equal.
 
     A record is immutable: ``table``, also called ``frame``, is a copy at each access; an edited copy makes another
     record. InputError: a problem found by :func:`find_problems`, a column that is missing or not numbers, or no rows.
@@ -55,7 +56,8 @@ class Record(Summarised):
         problems = find_problems(table)
         if problems:
             first = min(problems, key=lambda problem: (problem.row, problem.place(table)))
-            message = f"{first.describe('row', range(len(table)))} in {_name_row(self._rows.index, first.row)}"
+            what, place = first.describe("row", range(len(table))), _name_row(self._rows.index, first.row)
+            message = f"{place} is {what}" if first.column is None else f"{what} in {place}"
             raise InputError(message, file=self.source or None, column=first.column, expected=first.expected)
         vars(self)["_rows"] = table
 
@@ -191,7 +193,8 @@ def require_columns(
     other = " (damping import reads other tables)" * (missing == list(keys.REQUIRED_COLUMNS))
     hint = hint or (f" among {describe_shortened(', '.join(names), 80)}{other}" if names else "")
     message = f"missing column{'s' if len(missing) > 1 else ''} {', '.join(missing)}{hint}"
-    raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}, separated by commas")
+    of_text = ", separated by commas" if line is not None else ""
+    raise InputError(message, file=file, line=line, expected=f"columns {', '.join(required)}{of_text}")
 
 
 def _name_row(index: pd.Index, row: int) -> str:

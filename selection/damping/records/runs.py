@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from math import log, sqrt
 
 import numpy as np
@@ -231,12 +232,19 @@ def measure_whiteness(runs: list[Run]) -> float | None:
 
 
 def find_run_peaks(run: Run) -> IntArray:
-    """Positions in the run of prominent maxima of A/F, without the ends; single outliers are smoothed away."""
+    """Positions in the run of prominent maxima of A/F, without the ends; single outliers are smoothed away.
+
+    Between two of them A/F falls by as much as each stands out: equal maxima, as rounding makes of one flat top, have
+    the prominence of that top each.
+    """
     if len(run) < 2 * FEWEST_ROWS:
         return np.empty(0, np.int64)
     smooth = run.compliance.copy()
     smooth[1:-1] = slide_median(run.compliance, 3)
-    return find_prominent(smooth, max(log(PROMINENCE), NOISE_BESIDE_PEAK * run.noise))[0]
+    least = max(log(PROMINENCE), NOISE_BESIDE_PEAK * run.noise)
+    peaks = find_prominent(smooth, least)[0]
+    falls = [smooth[[a, b]].min() - smooth[a:b].min() >= least for a, b in pairwise(peaks.tolist())]
+    return peaks[np.array([True, *falls])[: len(peaks)]]
 
 
 def slide_median(values: FloatArray, width: int) -> FloatArray:

@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
-from damping.errors import AnalysisError, InputError
+from damping.errors import AnalysisError, InputError, describe_nearest
 from damping.records.record import Record, energy_per_cycle
 from damping.records.text import NUMBER
 from damping.regression import Term, times_matrix
@@ -58,9 +58,15 @@ def list_sources(name: str, available: Collection[str]) -> tuple[str, ...]:
 
 def list_required_columns(names: Collection[str], available: Collection[str]) -> tuple[str, ...]:
     """The columns of the table from which ``names`` are derived, each once. InputError for a number that is none."""
-    number = next((name for name in names if NUMBER.fullmatch(name) and name not in available), None)
-    if number is not None:
-        raise InputError(f"missing column {number}", expected="columns alone: the fit gives each term its factor")
+    derived = [name for name in (*_ALIASES, "energy") if list_sources(name, available) != (name,)]
+    for name in names:
+        if name in available or list_sources(name, available) != (name,):
+            continue
+        if NUMBER.fullmatch(name):
+            raise InputError(f"missing column {name}", expected="columns alone: the fit gives each term its factor")
+        if (nearest := describe_nearest(name, [*available, *derived], likeness=0.6)) in derived:
+            known = f"a column of the table, or {', '.join(derived)}, which follow from it"
+            raise InputError(f"missing column {name} (is {nearest!r} meant?)", expected=known)
     return tuple(dict.fromkeys(column for name in names for column in list_sources(name, available)))
 
 

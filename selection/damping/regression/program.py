@@ -84,7 +84,7 @@ def regression(columns: Columns, response: str, terms: Sequence[Term], choice: C
     try:
         plane = fit(design_of(columns, response, linear))
     except AnalysisError as error:
-        notes.append(f"no plane: {error}")
+        notes.append(f"no plane through the independent variables: {error}")
     return Regression(
         data=data,
         choice=choice,

@@ -78,13 +78,13 @@ def describe_releases(
     return " ".join(options) + more if len(releases) > 1 else ""
 
 
-def describe_lost(peak: float, since: float, largest: float, size: float, derived: float) -> list[str]:
-    """Note on the loss between the largest reading, at ``peak``, and the first window; amplitudes over ``derived``."""
+def describe_lost(peak: float, since: float, largest: float, size: float) -> list[str]:
+    """Note on the loss between the largest reading, at ``peak``, and the first window, of amplitude ``size``."""
     if peak >= since or largest <= LARGEST_LOSS * size:
         return []
     return [
-        f"the start is lost to half the window: {since - peak:.3g} s, in which the amplitude falls from at most "
-        f"{largest / derived:.4g} to {size / derived:.4g}; fewer --periods (4 or more) lose less"
+        f"the start is lost to half the window: {since - peak:.3g} s, in which the amplitude falls by at most "
+        f"{100.0 * (1.0 - size / largest):.2g} %; fewer --periods (4 or more) lose less"
     ]
 
 

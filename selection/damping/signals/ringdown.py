@@ -141,7 +141,7 @@ def ring_down(
     except AnalysisError as error:
         blows = f"; of several blows {others} takes each" if others else ""
         raise AnalysisError(f"{error}{blows}{describe_elsewhere(x, dt, frequency)}") from None
-    lost = describe_lost(float(t[peak]), float(times[first]), float(np.abs(x[peak])), size, window.omega_0**order)
+    lost = describe_lost(float(t[peak]), float(times[first]), float(np.abs(x[peak])), size)
     if others:
         lost.append(f"of several releases only that at {times[first]:.4g} s is used; {others} takes each")
     returned = find_return(np.abs(z[first:]), ABOVE_NOISE * noise, len(window.offsets))
