@@ -334,6 +334,21 @@ def test_a_headline_is_no_finding_where_the_cause_is_hardly_known_or_the_gap_sta
     assert "with 9.29 sigma left" in useless
 
 
+def test_a_cause_outside_the_library_that_explains_more_is_named_first(lab):
+    """Odds of 20 to 1, ln 20 = 3.0, are as good as certain: the nearest of the library is then not the likeliest."""
+    found = lab.diagnosed("stiffness-hardening")
+    rivals = [Rival("a tank", 3.2), Rival("a spring beyond a clearance", 49.3), Rival("a film", 2.9)]
+    told = {
+        count: describe_diagnosis(replace(found, in_library=0.1, outside=tuple(rivals[count:])))["verdict"][0]
+        for count in (0, 2)
+    }
+    assert (
+        "probably by a cause outside the library, such as a spring beyond a clearance (log odds 49.3 against the best "
+        "explanation of the library). Of the library this comes nearest (probability"
+    ) in told[0]
+    assert "probably by a cause outside the library. Of what is known here this comes nearest" in told[2]
+
+
 @pytest.mark.parametrize(("power", "what"), [(2, "acceleration"), pytest.param(1, "velocity", marks=pytest.mark.slow)])
 def test_another_quantity_entered_as_displacement_is_said(lab, power, what):
     """Amplitudes times (omega/omega_n)^k, in closed form: over 6 half-power half-widths 6 % times k to either side."""
