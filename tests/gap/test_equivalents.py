@@ -135,6 +135,8 @@ def test_two_runs_are_proposed_where_none_settles_the_case_alone(lab):
     alone = {test.what: test for test in others if len(test.rows) == 1}
     assert max(test.probability for test in alone.values()) < COVER <= first.probability
     assert len(first.rows) == 2
+    reasons = first.why.split("; ")
+    assert len(set(reasons)) == len(reasons)  # what holds for both runs is said once
     parts = [alone[what] for what in first.what.split("; and ") if what in alone]
     assert parts
     for part in parts:

@@ -323,6 +323,9 @@ def test_a_headline_is_no_finding_where_the_cause_is_hardly_known_or_the_gap_sta
     (left,) = describe_diagnosis(rough)["verdict"]
     shown = "a drift of frequency and gain with time improves the fit (p < 0.001)"
     assert f"It leaves 1.00 sigma, not noise alone: {shown}." in left
+    assert "Of what is known here this comes nearest" in left
+    (partial,) = describe_diagnosis(replace(rough, in_library=0.8))["verdict"]
+    assert "of what is known here, but that is not all" in partial
     gap = replace(found.gap, before=8.78, after=9.29, shrinkage=-0.12)
     (useless,) = describe_diagnosis(replace(found, gap=gap))["verdict"]
     assert "sigma: " in sure
@@ -332,6 +335,21 @@ def test_a_headline_is_no_finding_where_the_cause_is_hardly_known_or_the_gap_sta
     assert "sigma, probably by a cause outside the library. Of the causes in the library this comes nearest" in doubted
     assert "8.78 sigma, and no explanation of the library reduces that" in useless
     assert "with 9.29 sigma left" in useless
+
+
+def test_a_cause_outside_the_library_that_explains_more_is_named_first(lab):
+    """Odds of 20 to 1, ln 20 = 3.0, are as good as certain: the nearest of the library is then not the likeliest."""
+    found = lab.diagnosed("stiffness-hardening")
+    rivals = [Rival("a tank", 3.2), Rival("a spring beyond a clearance", 49.3), Rival("a film", 2.9)]
+    told = {
+        count: describe_diagnosis(replace(found, in_library=0.1, outside=tuple(rivals[count:])))["verdict"][0]
+        for count in (0, 2)
+    }
+    assert (
+        "probably by a cause outside the library, such as a spring beyond a clearance (log odds 49.3 against the best "
+        "explanation of the library). Of the causes in the library this comes nearest (probability"
+    ) in told[0]
+    assert "probably by a cause outside the library. Of the causes in the library this comes nearest" in told[2]
 
 
 @pytest.mark.parametrize(("power", "what"), [(2, "acceleration"), pytest.param(1, "velocity", marks=pytest.mark.slow)])

@@ -17,7 +17,7 @@ from damping.records.check_sweeps import CURVED, DRAGGED
 from damping.records.implied import find_implied
 from damping.records.mode import Mode, Repeatability, Tolerance, Units, read_mode
 from damping.records.outliers import find_misplaced_rows
-from damping.records.phase_kinds import classify_phase
+from damping.records.phase_kinds import SMOOTH, classify_phase
 from damping.records.reading import read_record
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
@@ -435,6 +435,25 @@ def test_a_phase_that_falls_through_an_antiresonance_is_a_lag(noise, points, sha
     assert not named(swept(own + of_absorber, lead=False))
     assert named(swept(own, lead=True))
     assert not named(swept(own, lead=False))
+
+
+def test_phases_of_a_split_mode_in_few_rows_are_in_radians():
+    """A linear absorber of 2 % mass at 0.985 f_n, in closed form: in 14 rows the lag passes pi/2 three times.
+
+    In degrees modulo 2 pi, the same phases are unrelated to the amplitudes.
+    """
+    x = np.linspace(0.86, 1.17, 14)
+    own = 1.0 - x**2 + 0.02j * x
+    k_a = 0.02 * (0.985**2 + 0.0197j * x)
+    Z = own - 0.02 * x**2 * k_a / (k_a - 0.02 * x**2)
+    rows = pd.DataFrame({"sweep": "a", "force": 1.0, "frequency": 50.0 * x, "amplitude": 1.0 / np.abs(Z)})
+    assert np.mean(np.cos(np.diff(np.angle(Z)))) < SMOOTH
+
+    def found(phase: np.ndarray) -> list[str]:
+        return [finding.check for finding in audit(record_of(rows.assign(phase=phase))).findings]
+
+    assert found(np.angle(Z)) == ["several-modes"]
+    assert "phase-unit" in found(np.mod(np.degrees(np.angle(Z)), 2.0 * np.pi))
 
 
 def test_lags_that_fall_between_a_resonance_and_an_antiresonance_keep_their_sign():

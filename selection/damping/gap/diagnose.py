@@ -18,7 +18,7 @@ from damping.gap.corrected import corrected_mode, list_ends
 from damping.gap.directed import Test, directed_tests, unexplained
 from damping.gap.hypotheses import Hypothesis
 from damping.gap.next_test import NextTest, name_command, rank_tests
-from damping.gap.outside import describe_outside, weigh_library
+from damping.gap.outside import Rival, describe_outside, weigh_library
 from damping.gap.problem import Setting, State, exclude_effects, record_cautions, refuse_rows, setting
 from damping.gap.search import Search, search_hypotheses
 from damping.gap.simulation import Simulate
@@ -62,6 +62,7 @@ class Explained:
     unexplained_rows: bool  #: whether it is left in the rows, not only in the scatter of the levels
     #: scatter of the rows where the stated noise is too small and nothing else is left; ``in_library`` then ignores it
     understated: readings.RowScatter | None
+    outside: tuple[Rival, ...]  #: causes outside the library, those of the rig first
     imitations: tuple[Hypothesis, ...]  #: explanations by causes outside the library that the record does not exclude
     cautions: tuple[str, ...]  #: limits of record and explanation
 
@@ -208,6 +209,7 @@ def _weigh_search(
         unexplained=in_rows or of_levels,
         unexplained_rows=in_rows,
         understated=understated,
+        outside=verdict.outside,
         imitations=verdict.imitations,
         cautions=tuple(cautions),
     )

@@ -233,7 +233,7 @@ def _describe_test(
 ) -> NextTest:
     """The runs as one proposed test; ``filled``: columns that any further row fills."""
     what = "; and ".join(run.design.what for run in runs)
-    why = "; ".join(dict.fromkeys(run.design.why for run in runs))
+    why = "; ".join(dict.fromkeys(chain.from_iterable(run.design.why.split("; ") for run in runs)))
     columns = dict.fromkeys((*filled, *chain.from_iterable(run.design.columns for run in runs)))
     rows = tuple(_describe_run(run.predicted, unit) for run in runs)
     return NextTest(what, why, odds, probability, tuple(columns), rows, command)

@@ -244,6 +244,14 @@ def weigh_library(
     return LibraryVerdict(outside, imitations, doubts, beyond, estimate(doubts, beyond))
 
 
+def name_better(outside: Sequence[Rival]) -> str:
+    """The cause ``outside`` the library that explains the record best, if better than any effect does; else empty."""
+    better = max(outside, key=lambda rival: rival.log_odds, default=None)
+    if better is None or better.log_odds <= MOST_RIVAL:
+        return ""
+    return f"{better.cause.rstrip(',')} (log odds {better.log_odds:.1f} against the best explanation of the library)"
+
+
 def describe_outside(outside: Sequence[Rival], leading: Hypothesis) -> list[str]:
     """Cautions for causes ``outside`` the library that the leading explanation does not exclude, the rig's first."""
     return [_describe_rival(rival, leading) for rival in outside if rival.possible]

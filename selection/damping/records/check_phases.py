@@ -5,19 +5,26 @@ from math import pi
 import numpy as np
 
 from damping.effects.rig import LARGEST_LAG
+from damping.records.check_sweeps import check_several_modes
 from damping.records.implied import SURE_OF_LINE, Implied
-from damping.records.phase_kinds import is_in_turns
+from damping.records.phase_kinds import has_antiresonance, is_in_turns
 from damping.records.view import MOST_OFFSET, Finding, NamedFinding, View, label_sweeps, name_sweeps
 
 
 def check_phase_unit(view: View) -> Finding | None:
-    """Phases not in radians: they turn far more than a mode can, or are unrelated to the amplitudes."""
+    """Phases not in radians: they turn far more than a mode can, or are unrelated to the amplitudes.
+
+    In few rows, phases that turn back where the amplitude is least, between two resonances, are no fault of the unit.
+    """
     if not view.incoherent or not view.curve:
+        return None
+    incoherent = [run for run in view.runs if run.sweep in view.incoherent]
+    if all(map(has_antiresonance, incoherent)) and (split := check_several_modes(view)) and split.verdict == "refuse":
         return None
     what = f"the phases of {name_sweeps(view.incoherent)} jump or turn unlike any lag in radians"
     what += ", though the amplitudes do not"
     advice = "are they degrees? divide by 57.3 (degrees taken modulo 2 pi cannot be recovered: import the file again)"
-    if all(is_in_turns(run) for run in view.runs if run.sweep in view.incoherent):
+    if all(map(is_in_turns, incoherent)):
         what = f"the phases of {name_sweeps(view.incoherent)} pass the resonance within one radian"
         advice = "are they turns? multiply by 2 pi"
     return Finding("phase-unit", "refuse", what, advice, view.incoherent)

@@ -12,6 +12,7 @@ from damping.forces.shapes import FORCE, LENGTH, TIME, Shape
 from damping.gap.corrected import describe_effects, effect_intervals, is_gone, name_places
 from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import ALARM, smallest_p
+from damping.gap.outside import name_better
 from damping.gap.readings import describe_rest
 from damping.gap.scatter import describe_repeatability, describe_scatter
 from damping.gap.simulator_checks import RESEMBLES
@@ -55,6 +56,7 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
         "apart": apart,
         "scatter": describe_scatter(diagnosis.setting, diagnosis.leading.best),
         "known": KNOWN,
+        "better": name_better(diagnosis.outside),
         "shown": describe_rest(diagnosis.leading.best, diagnosis.tests),
         "far_only": diagnosis.leading.best.has_outlier_pattern and smallest_p(diagnosis.tests) >= ALARM,
     }
