@@ -47,7 +47,7 @@ def main() -> None:
         else:
             table = _page.rows_table(found)
             for row in found:
-                print(*asdict(row).values(), sep=" | ", flush=True)
+                print(*asdict(row).values(), row.ratio, row.met, sep=" | ", flush=True)
         table.to_csv(chosen.out / f"{name}.csv", index=False, float_format="%.6g")
     _page.write(chosen.out, SPEED)
     print(f"{chosen.out / 'README.md'} written")

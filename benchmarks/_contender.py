@@ -20,6 +20,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from statistics import geometric_mean
 from time import process_time
 from typing import Any
 
@@ -32,10 +33,6 @@ AMPLITUDE = [1.229, 1.439, 1.567]
 OMEGA = [2.0 * math.pi * f for f in HZ]
 CHAINS = 4
 SEED = 1970
-
-
-def geometric_mean(values: list[float]) -> float:
-    return math.exp(math.fsum(map(math.log, values)) / len(values))
 
 
 REFERENCE = tuple(map(geometric_mean, (FORCE, OMEGA, AMPLITUDE)))

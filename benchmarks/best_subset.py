@@ -1,6 +1,6 @@
 """The best of 2^k - 1 subsets of correlated terms, by every criterion, free and with coefficients >= 0.
 
-Run ``python -m benchmarks.best_subset``. Peers: R's ``leaps`` (Debian's r-cran-leaps, where Rscript is there), exact by
+Run ``python -m benchmarks best_subset``. Peers: R's ``leaps`` (Debian's r-cran-leaps, where Rscript is there), exact by
 the same method, whose best subset of each size holds the best by any criterion of size and SSE; abess, which searches
 and proves nothing, by its own BIC and by 20-fold cross-validation (it has no leave-one-out). Both only without signs.
 """
@@ -143,8 +143,3 @@ def row_of_abess(work: str, own: Time, found: Subsets, data: Design, criterion: 
     theirs = middle([timed(run) for _ in range(REPEATS)])
     remark = f"{said(found)}; abess reaches {same}"
     return Row(work, own, "abess, which searches", theirs, at_most=GOALS[TERMS], right=right, remark=remark)
-
-
-if __name__ == "__main__":
-    for row in measure():
-        print(row, row.ratio, row.met)

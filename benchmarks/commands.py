@@ -1,6 +1,6 @@
 """Commands from start to finish, start-up included, beside importing what they stand on; and the memory they take.
 
-Run ``python -m benchmarks.commands``. Each command and the import of numpy, pandas and scipy.stats run by turns, in
+Run ``python -m benchmarks commands``. Each command and the import of numpy, pandas and scipy.stats run by turns, in
 processes of their own, with what a bare install has. ``python -m benchmarks --guard`` runs them by turns with the tree
 at the tag set last (without a tag, with the one whose times are published), and fails where one has become 1.5 times
 slower.
@@ -160,8 +160,3 @@ def _unpack_earlier(folder: Path) -> Path | None:
 def _git(*words: str) -> bytes:
     """What git prints; nothing where it cannot."""
     return subprocess.run(["git", *words], cwd=ROOT, capture_output=True, check=False).stdout
-
-
-if __name__ == "__main__":
-    for row in measure():
-        print(row, row.ratio, row.met)

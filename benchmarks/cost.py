@@ -1,7 +1,7 @@
 """How cost grows with points, rows, laws, levels, terms and draws: exponents b of processor
 time ~ size^b, at the larger sizes.
 
-Run ``python -m benchmarks.cost``. For terms the size is the number of subsets, 2^terms - 1.
+Run ``python -m benchmarks cost``. For terms the size is the number of subsets, 2^terms - 1.
 """
 
 from __future__ import annotations
@@ -135,8 +135,3 @@ def measure() -> list[Growth]:
         Growth(subsets.work, "subsets, 2^terms - 1", 2**subsets.sizes - 1, subsets.seconds),
         growth("draws of a proposal with their density", "draws", [256 * 4**i for i in range(5)], draws),
     ]
-
-
-if __name__ == "__main__":
-    for found in measure():
-        print(found.work, found.against, found.sizes, found.seconds, found.exponent)

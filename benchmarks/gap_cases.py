@@ -1,4 +1,4 @@
-"""Processor time of a gap diagnosis, posterior and start-up left out: ``python -m benchmarks.gap_cases``.
+"""Processor time of a gap diagnosis, posterior and start-up left out: ``python -m benchmarks gap_cases``.
 
 Cases as ``damping blind`` draws them, of every kind in its share, half of them clean and half in field conditions.
 """
@@ -31,8 +31,3 @@ def measure() -> list[Row]:
     worst = max(t.processor for t in times)
     remark = f"mean of {CASES} cases, next test included; the slowest {worst:.2f} s"
     return [Row("gap diagnosis of a case", mean, at_most=GOAL_S, remark=remark)]
-
-
-if __name__ == "__main__":
-    for row in measure():
-        print(row, row.met)

@@ -1,6 +1,6 @@
 """A two-term posterior to 50 000 effective samples: ours, plain emcee, PyMC, nutpie, NumPyro.
 
-Run ``python -m benchmarks.posterior``. Each sampler runs in a process of its own (``benchmarks._contender``), which
+Run ``python -m benchmarks posterior``. Each sampler runs in a process of its own (``benchmarks._contender``), which
 imports, compiles, samples and judges its effective size. The whole process is timed, and what the samples cost in one
 that has started (imported, compiled, warmed up) beside. Peers draw a part, with all of start-up, compilation and
 warm-up; the rest of the 50 000 is added at the rate of the second half of that part. Ours draw all, twice: importance
@@ -96,8 +96,3 @@ def measure() -> list[Row]:
             for name, peer in peers.items()
         ]  # fmt: skip
     return rows
-
-
-if __name__ == "__main__":
-    for row in measure():
-        print(row, row.ratio, row.met)

@@ -1,6 +1,6 @@
 """A million steady states of viscous + case IV damping on one core, against integrating each in time.
 
-Run ``python -m benchmarks.steady_states``. The peers integrate from rest through a number of periods that leaves
+Run ``python -m benchmarks steady_states``. The peers integrate from rest through a number of periods that leaves
 exp(-13.8) = 1e-6 of the transient, at the linear decay rate of the state's own equivalent viscous damping:
 `scipy.integrate.solve_ivp` (DOP853, rtol 1e-8), and diffrax (Dopri8, the same tolerances), compiled by JAX before.
 Their steady states must be the same within what one harmonic can tell.
@@ -124,8 +124,3 @@ def count_periods(A: float, omega: float) -> int:
     damping = Sum((Viscous(VISCOUS), DisplacementVelocity(CASE_IV)))
     c = float(damping.quadrature(A, omega)) / (A * omega)  # the viscous coefficient of equal energy (Eq 4.3.1)
     return int(np.ceil(13.8 * 2 * M / c * omega / (2 * pi)))
-
-
-if __name__ == "__main__":
-    for row in measure():
-        print(row, row.ratio, row.met)

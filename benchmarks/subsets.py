@@ -1,6 +1,6 @@
 """All 511 subsets of the nine-term polynomial (Eq. 5.3.6) with their statistics, against a loop of statsmodels fits.
 
-Run ``python -m benchmarks.subsets``. Ours gives, for every subset, coefficients, standard errors, T-ratios, SSE,
+Run ``python -m benchmarks subsets``. Ours gives, for every subset, coefficients, standard errors, T-ratios, SSE,
 adjusted R^2, AIC, AICc, BIC and the leave-one-out error. The loop fits every subset and reads nothing, which is the
 least it can do; a second loop reads standard errors, T-ratios, adjusted R^2, AIC and BIC as well.
 """
@@ -69,8 +69,3 @@ def measure() -> list[Row]:
         Row(work, fast, "loop of statsmodels fits", bare, at_least=GOAL, right=agreement < 1e-6, remark=remark),
         Row(work, fast, "the same, its statistics read", reading, remark=remark),
     ]
-
-
-if __name__ == "__main__":
-    for row in measure():
-        print(row, row.ratio, row.met)

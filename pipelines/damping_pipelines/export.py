@@ -20,7 +20,6 @@ from damping_pipelines.forms import (
     ANSWER,
     MAX_FORM_SIZE,
     Answer,
-    CurveForm,
     FormPart,
     IntervalForm,
     LoadsForm,
@@ -173,10 +172,12 @@ def _write_table(table: pd.DataFrame, out: Path) -> None:
 
 
 def tabulate_form(form: Answer) -> pd.DataFrame:
-    """A form as a table."""
-    if isinstance(form, CurveForm):
-        return _tabulate_curve(form)
-    return _tabulate_ranking(form) if isinstance(form, RankForm) else _tabulate_loads(form)
+    """A form as a table; of a curve medians under the name of the quantity, bands as ``NAME_low, NAME_high``."""
+    if isinstance(form, RankForm):
+        return _tabulate_ranking(form)
+    if isinstance(form, LoadsForm):
+        return _tabulate_loads(form)
+    return _tabulate_typed(pd.DataFrame(map(_flatten, form.rows)), ("cautions",)).assign(level=form.level)
 
 
 def read_answer(path: Path, max_size: int = MAX_FORM_SIZE) -> Answer:
@@ -207,11 +208,6 @@ def _tabulate_loads(form: LoadsForm) -> pd.DataFrame:
         asked = {form.asked: getattr(prediction, form.asked)}
         rows += [{"model": law.name, **asked, **_flatten(law, "name")} for law in prediction.by_model]
     return _tabulate_typed(pd.DataFrame(rows), ("model", "cautions")).assign(level=form.level)
-
-
-def _tabulate_curve(form: CurveForm) -> pd.DataFrame:
-    """One row for each resonance: medians under the name of the quantity, bands as ``NAME_low, NAME_high``."""
-    return _tabulate_typed(pd.DataFrame(map(_flatten, form.rows)), ("cautions",)).assign(level=form.level)
 
 
 def _flatten(part: FormPart, *without: str) -> dict[str, Any]:

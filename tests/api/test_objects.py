@@ -15,7 +15,7 @@ import pytest
 
 import damping as dp
 from damping.effects import CATALOGUE, FOREIGN, list_forms
-from damping.effects.scales import Scales
+from damping.effects.contract import Scales
 from damping_reed1970 import data_folder
 
 SATURN = data_folder() / "saturn-v"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from damping.effects import CATALOGUE, with_effects
-from damping.effects.scales import Scales
+from damping.effects.contract import Scales
 from damping.effects.terms import predict
 from damping.gap.corrected import effect_intervals, effect_values, refitted_values
 from damping.gap.diagnose import diagnose

@@ -6,8 +6,8 @@ import pytest
 
 from damping.errors import Refused
 from damping.records import Audit, audit
+from damping.records.check_sweeps import measure_miss_of_two
 from damping.records.mode import Mode
-from damping.records.other_modes import measure_miss_of_two
 from damping.records.record import Record
 from damping.records.runs import Run
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from damping.gap.rows import read_rows
 from damping.infer.observations import observe
 from damping.records import audit
-from damping.records.check_jumps import find_jump_up
+from damping.records.check_edges import find_jump_up
 from damping.records.mode import Mode
 from damping.records.pairs import phase_offset
 from damping.records.reading import read_record

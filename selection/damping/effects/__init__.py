@@ -6,8 +6,7 @@ from dataclasses import replace
 from typing import cast
 
 from damping.effects import contact, course, detector, forces, foreign, masses, received, rig, structure
-from damping.effects.contract import Effect, Form, Terms
-from damping.effects.scales import Scales
+from damping.effects.contract import Effect, Form, Scales, Terms
 from damping.errors import InputError, list_nearest
 
 #: The library: named causes of a gap, in the order in which hypotheses are tried.

@@ -7,9 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from damping.arrays import ComplexArray, Floats
-from damping.effects.contract import Effect, Form, FormVariable
+from damping.effects.contract import Effect, Form, FormVariable, Scales
 from damping.effects.forces import adds_force
-from damping.effects.scales import Scales
 from damping.forces.contract import GrowingForce, spread
 from damping.forces.joints import Spring, saturate
 from damping.forces.shapes import FORCE, LENGTH, TIME, Shape, coefficient_in

@@ -9,9 +9,8 @@ import numpy as np
 from scipy.special import expit
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, Floats, differs
-from damping.effects.contract import Drive, Effect, Form, FormVariable, Terms
+from damping.effects.contract import Drive, Effect, Form, FormVariable, Scales, Terms
 from damping.effects.rig import list_states
-from damping.effects.scales import Scales
 from damping.forces.shapes import TIME, Shape
 
 _SETTLING = FormVariable.between(0.05, 1.0, starts=(0.0,))  #: Settling time over the duration of the record.

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from damping.arrays import BoolArray, ComplexArray, FloatArray, Floats, join_complex, of_every
-from damping.effects.contract import Drive, Effect, Form, Terms
+from damping.effects.contract import Drive, Effect, Form, Scales, Terms
 from damping.effects.moving import accumulate, find_rate, order_swept
-from damping.effects.scales import Scales
 
 #: Usual time constant, those from which fits start, and the largest one, over the time in which the frequency passes
 #: half of the half-power width: from a shift that is hardly seen to one by a whole sweep.

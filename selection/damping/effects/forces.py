@@ -16,8 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from damping.arrays import ComplexArray, FloatArray, Floats, drop_repeats
-from damping.effects.contract import Effect, Form, FormVariable, Terms
-from damping.effects.scales import Scales
+from damping.effects.contract import Effect, Form, FormVariable, Scales, Terms
 from damping.effects.simulated import instead_form, less_forms
 from damping.forces.contract import Force, Joint, spread
 from damping.forces.joints import Coulomb, CubicStiffness, PowerStiffness, Slip, SlippingForce, lose_stiffness

@@ -7,9 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from damping.arrays import ComplexArray, Floats
-from damping.effects.contract import Drive, Effect, Form, FormVariable, Terms
+from damping.effects.contract import Drive, Effect, Form, FormVariable, Scales, Terms
 from damping.effects.forces import adds_force
-from damping.effects.scales import Scales
 from damping.forces.contract import Force, GrowingForce, spread, zeros
 from damping.forces.joints import CubicStiffness
 from damping.forces.powers import VelocityPower

@@ -7,9 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from damping.arrays import ComplexArray, FloatArray, Floats
-from damping.effects.contract import Drive, Effect, Form, Terms
+from damping.effects.contract import Drive, Effect, Form, Scales, Terms
 from damping.effects.forces import adds_force
-from damping.effects.scales import Scales
 from damping.forces.contract import AveragedForce
 from damping.forces.joints import Spring
 from damping.forces.shapes import FORCE, LENGTH, TIME, Shape

@@ -5,8 +5,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from damping.arrays import FloatArray, Floats, differs
-from damping.effects.contract import Drive, Effect, Form, FormVariable, Instrument, Terms
-from damping.effects.scales import Scales
+from damping.effects.contract import Drive, Effect, Form, FormVariable, Instrument, Scales, Terms
 from damping.forces.shapes import LENGTH, Shape
 
 #: Shape of the dip over the distance from its centre in widths: 1 at the centre, 0 far away. ``receptance`` is |H|.

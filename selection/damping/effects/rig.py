@@ -7,8 +7,7 @@ from math import log
 import numpy as np
 
 from damping.arrays import ComplexArray, FloatArray, Floats, differs
-from damping.effects.contract import Drive, Effect, Form, FormVariable, Instrument, Reading, Terms, add_parts
-from damping.effects.scales import Scales
+from damping.effects.contract import Drive, Effect, Form, FormVariable, Instrument, Reading, Scales, Terms, add_parts
 from damping.effects.structure import spread_distance
 from damping.effects.terms import third_harmonic
 from damping.forces.shapes import FORCE, LENGTH, TIME, Shape

@@ -7,8 +7,7 @@ from typing import Any, cast
 import numpy as np
 
 from damping.arrays import ComplexArray, Floats
-from damping.effects.contract import Effect, Form, Terms
-from damping.effects.scales import Scales
+from damping.effects.contract import Effect, Form, Scales, Terms
 from damping.forces import force_class
 from damping.forces.contract import Force, zeros
 from damping.forces.powers import Displacement, Viscous

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from damping.arrays import Floats
-from damping.effects.contract import Drive, Effect, Form, FormVariable, Plane, Terms
-from damping.effects.scales import Scales
+from damping.effects.contract import Drive, Effect, Form, FormVariable, Plane, Scales, Terms
 from damping.effects.simulated import RELATIVE, factor_forms
 from damping.forces.powers import Viscous
 from damping.forces.shapes import FORCE, LENGTH, Shape

@@ -23,9 +23,8 @@ import numpy as np
 
 from damping.arrays import ComplexArray, FloatArray, wrap_lag
 from damping.effects import with_effects
-from damping.effects.contract import Form, Terms
+from damping.effects.contract import Form, Scales, Terms
 from damping.effects.rig import recorded_third
-from damping.effects.scales import Scales
 from damping.effects.terms import Prediction, cross_motion, predict
 from damping.gap.rows import PhasorRows
 from damping.gap.simulation import Simulation

@@ -12,8 +12,7 @@ from math import pi
 import numpy as np
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
-from damping.effects.contract import Effect
-from damping.effects.scales import Scales
+from damping.effects.contract import Effect, Scales
 from damping.errors import AnalysisError
 from damping.forces import Viscous, from_damping
 from damping.gap.fit import ModelFit
