@@ -193,9 +193,8 @@ def diagnose(
     gap = diagnosis.diagnose(record, mode, states=states, simulate=simulate, progress=progress)
     is_compared = compare and not (states or simulate)
     against = compare_with_ranking(gap.record, gap, findings, seed, progress) if is_compared else AGREED
-    audited = (str(finding).replace(" (caution):", ":", 1) for finding in findings.findings)
     sampled = corrected.sample_effects(gap.leading.best, seed, progress) if posterior else None
-    cautions = (*audited, *gap.cautions, *(sampled.cautions if sampled else ()))
+    cautions = (*findings.list_cautions(), *gap.cautions, *(sampled.cautions if sampled else ()))
     return DiagnosisResult(replace(gap, cautions=cautions), sampled, findings, against)
 
 

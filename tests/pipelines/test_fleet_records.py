@@ -113,6 +113,9 @@ def test_forms_of_a_fleet_are_whole(tmp_path, few_laws, monkeypatch):
             assert form["cautions"] == alone["cautions"]
     for name in ("rank_form", "loads_form"):
         assert any("was removed" in caution for caution in json.loads(row[name])["cautions"])
+    (told,) = (caution for caution in json.loads(row["gap_form"])["cautions"] if caution.startswith("phase-offset: "))
+    assert "too large" in told
+    assert "the column phase" not in told  # a diagnosis that blames the phase lag does not ask to change the phases
 
 
 def test_a_fleet_says_where_ranking_and_diagnosis_disagree(tmp_path, monkeypatch):

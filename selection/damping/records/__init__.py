@@ -102,6 +102,12 @@ class Audit:
         """The findings as JSON values."""
         return [finding.to_json() for finding in self.findings]
 
+    def list_cautions(self) -> list[str]:
+        """The findings beside a diagnosis, without advice on causes that it names: the advice may contradict it."""
+        cautions = [str(finding).replace(" (caution):", ":", 1) for finding in self.findings]
+        advice = [f"; {finding.advice}" if finding.named else "" for finding in self.findings]
+        return [caution.removesuffix(end) for caution, end in zip(cautions, advice, strict=True)]
+
     def to_json(self) -> dict[str, Any]:
         """The form ``audit/1``; ``implied`` is an extra key."""
         implied = self.implied.astype(object).where(self.implied.notna(), None).to_dict(orient="records")
