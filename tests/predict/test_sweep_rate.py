@@ -139,6 +139,18 @@ def test_the_rate_is_found_and_taken_out(frequency, swept):
     assert lowest.loc[lowest["amplitude"].idxmax(), "frequency"] > 1.005 * F_N
 
 
+def test_frequencies_read_twice_have_the_slope_of_their_mean(frequency, swept):
+    """Equal readings give each row what it has alone: a spline through repeated frequencies does not exist."""
+    rate = RATE * np.log(2.0) / 60.0 * frequency
+    alone = record(swept, frequency, np.random.default_rng(3)).table.assign(sweep_rate=np.tile(rate, len(swept)))
+    twice = pd.concat([alone, alone.assign(other=1.0)])
+    (once, _), (both, said) = (as_steady(Record(table, "made"), MASS, F_N) for table in (alone, twice))
+    assert "corrected" in said[0]
+    for _, rows in both.table.groupby(both.table["other"].notna()):
+        close = rows[["force", "phase"]].reset_index(drop=True)
+        pd.testing.assert_frame_equal(close, once.table[["force", "phase"]], rtol=1e-12)
+
+
 def test_a_steady_record_stays_as_it_is(frequency):
     made = record({force: steady(force, frequency) for force in (1.5, 4.0, 9.0)}, frequency, np.random.default_rng(4))
     same, said = as_steady(made, MASS, F_N)

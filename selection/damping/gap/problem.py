@@ -163,9 +163,8 @@ def refuse_rows(states: Sequence[State]) -> None:
     """AnalysisError for more than ``MOST_ROWS`` rows, or a record of another mode than its model's."""
     count = sum(len(record) for record, _ in states)
     if count > MOST_ROWS:
-        raise AnalysisError(
-            f"{states[0][0].source}: {count} rows; at most {MOST_ROWS} can be diagnosed: keep every second row"
-        )
+        kept = f"keep one row in {-(-count // MOST_ROWS)}"
+        raise AnalysisError(f"{states[0][0].source}: {count} rows; at most {MOST_ROWS} can be diagnosed: {kept}")
     for record, mode in states:
         _refuse_other_mode(read_rows(record, mode), mode)
 

@@ -99,7 +99,7 @@ def correct_rate(record: Record, mass: float) -> Record:
     ``sweep_rate`` (Hz/s) is taken from the record; the result has rates of 0. Force and phase change, frequency and
     amplitude do not.
 
-    AnalysisError: a sweep has too few rows.
+    AnalysisError: a sweep has too few frequencies.
     """
     tables = [_tabulate_corrected(rows, mass) for _, rows in record.frame.groupby("sweep", sort=False)]
     return Record(pd.concat(tables, ignore_index=True), record.source)
@@ -111,15 +111,17 @@ def _tabulate_corrected(rows: pd.DataFrame, mass: float) -> pd.DataFrame:
     near = rows["amplitude"].to_numpy() >= NEAR * rows["amplitude"].max()
     if not rows["sweep_rate"].any():
         return rows
-    if len(rows) < _FEWEST:
-        raise AnalysisError(f"sweep {rows['sweep'].iloc[0]!r} has {len(rows)} rows: its slope is not known")
     w = RAD_S_PER_HZ * rows["frequency"].to_numpy(dtype=float)
+    at, place, count = np.unique(w, return_inverse=True, return_counts=True)
+    if len(at) < _FEWEST:
+        raise AnalysisError(f"sweep {rows['sweep'].iloc[0]!r} has {len(at)} frequencies: its slope is not known")
     size, lag = (rows[name].to_numpy(dtype=float) for name in ("amplitude", "phase"))
     logarithm = np.log(size) - 1j * np.unwrap(lag)  # smoother than a itself about a peak
     a = np.exp(logarithm)
+    mean = (np.bincount(place, logarithm.real) + 1j * np.bincount(place, logarithm.imag)) / count
     from scipy.interpolate import CubicSpline  # noqa: PLC0415 - slow to import, and needed for swept records alone
 
-    slope = a * CubicSpline(w, logarithm)(w, 1)
+    slope = a * CubicSpline(at, mean)(w, 1)  # of repeated frequencies the mean
     w_rate = RAD_S_PER_HZ * rows["sweep_rate"].to_numpy(dtype=float)
     force = rows["force"].to_numpy(dtype=float) - mass * (2j * w * slope * w_rate + 1j * w_rate * a)
     out = rows.assign(force=np.abs(force), phase=wrap_lag(np.angle(force) - np.angle(a)), sweep_rate=0.0)
