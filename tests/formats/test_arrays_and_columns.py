@@ -481,19 +481,6 @@ def test_arrays_larger_than_the_file_warrants(tmp_path):
         read_arrays(mat, "mat5", ["zeros"], 10**9)
 
 
-def test_pickles_are_bytes_like_any_other(tmp_path, imported):
-    """A file that would run a command when unpickled is read as what it is: no CSV."""
-    path = tmp_path / "a.csv"
-    mark = tmp_path / "mark"
-    path.write_bytes(f"cos\nsystem\n(S'touch {mark}'\ntR.".encode())
-    with pytest.raises(InputError):
-        imported(path)
-    np.save(tmp_path / "a.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    with pytest.raises(InputError):
-        imported(tmp_path / "a.npy")
-    assert not mark.exists()
-
-
 def test_what_is_no_file(tmp_path, imported):
     import os
 
