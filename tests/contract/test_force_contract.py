@@ -225,13 +225,6 @@ def test_results_have_the_shape_of_the_states(force: Force) -> None:
 
 
 @every_force
-def test_every_force_says_what_it_is(force: Force) -> None:
-    assert force.name
-    assert force.label
-    assert force.formula
-
-
-@every_force
 @every_state
 def test_facts_are_what_the_averages_do(force: Force, A: float, omega: float) -> None:
     levels = A * np.array([0.5, 1.0, 2.0, 100.0])

@@ -19,16 +19,8 @@ from damping.forces import (
 )
 
 NAMES = [
-    "viscous",
-    "displacement",
-    "velocity-squared",
-    "displacement-velocity",
-    "quadratic-displacement",
-    "velocity-power",
-    "displacement-velocity-power",
-    "coulomb",
-    "slip",
-    "dahl",
+    *("viscous", "displacement", "velocity-squared", "displacement-velocity", "quadratic-displacement"),
+    *("velocity-power", "displacement-velocity-power", "coulomb", "slip", "dahl"),
 ]
 
 
