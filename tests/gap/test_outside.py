@@ -11,9 +11,9 @@ import pytest
 
 from damping.arrays import RAD_S_PER_HZ
 from damping.effects import CATALOGUE
-from damping.effects.contact import LooseDashpot
+from damping.effects.contact import Contact, LooseDashpot, Rub
 from damping.effects.contract import Drive, Terms
-from damping.effects.foreign import DisplacementPower, SqueezedFilm
+from damping.effects.foreign import DisplacementPower, FallingFriction, SqueezedFilm
 from damping.effects.masses import OTHER_ADDED_MASS, VaryingMass
 from damping.effects.terms import predict
 from damping.forces import make
@@ -32,19 +32,6 @@ pytestmark = pytest.mark.usefixtures("no_folds")
 THETA = 2.0 * np.pi * (np.arange(20_000)[:, np.newaxis] + 0.5) / 20_000
 
 
-def test_a_damper_beyond_a_clearance_has_the_averages_of_its_force():
-    """C, dC/d ln A and the third harmonic against the mean over a sampled cycle, below and above the clearance."""
-    force, A, omega = LooseDashpot(40.0, 0.02), np.array([0.01, 0.021, 0.05, 0.4]), 1.7 * np.ones(4)
-    own = force.g(A * np.sin(THETA), np.abs(1.7 * A * np.cos(THETA)), np.sign(np.cos(THETA)))
-    C, slope, S, _ = force.averages(A, omega)
-    assert not np.any(S)
-    # it jumps at the clearance, within a step of 3e-4 of the cycle: 40 times 1.7 times 0.4 times 3e-4
-    np.testing.assert_allclose(C, 2.0 * np.mean(own * np.cos(THETA), axis=0), atol=0.01)
-    np.testing.assert_allclose(force.third(A, omega), 2j * np.mean(own * np.exp(-3j * THETA), axis=0), atol=0.01)
-    above, below = (force.quadrature(A * np.exp(step), omega) for step in (1e-4, -1e-4))
-    np.testing.assert_allclose(slope, (above - below) / 2e-4, rtol=1e-6)  # the square of the step, rounding over it
-
-
 @pytest.mark.parametrize("power", [0.5, 2.0])
 def test_hysteresis_of_any_power_has_the_averages_of_its_force(power):
     """C and the third harmonic of R |q|^m sgn q' in closed form: the latter is 1 - 4 (m + 1)/(m + 3) of C, times i."""
@@ -56,19 +43,6 @@ def test_hysteresis_of_any_power_has_the_averages_of_its_force(power):
     # 24 points of half a cycle: 1 % of a force that jumps
     third = 1j * C * (1.0 - 4.0 * (power + 1.0) / (power + 3.0))
     np.testing.assert_allclose(np.ravel(force.third(A, omega)), third, rtol=0.01)
-
-
-def test_a_squeezed_film_has_the_averages_of_its_force():
-    """c q'/(1 - q/h)^3: C, dC/d ln A and the third harmonic against the mean over a sampled cycle."""
-    force, A, omega = SqueezedFilm(2.0, 0.5), np.array([0.01, 0.2, 0.4]), 1.7 * np.ones(3)
-    own = 2.0 * A * 1.7 * np.cos(THETA) / (1.0 - A * np.sin(THETA) / 0.5) ** 3
-    C, slope, S, _ = force.averages(A, omega)
-    assert not np.any(S)
-    np.testing.assert_allclose(C, 2.0 * np.mean(own * np.cos(THETA), axis=0), rtol=1e-9)  # smooth: rounding
-    third = 2j * np.mean(own * np.exp(-3j * THETA), axis=0)
-    np.testing.assert_allclose(force.third(A, omega), third, rtol=1e-9, atol=1e-12)
-    above, below = (force.quadrature(A * np.exp(step), omega) for step in (1e-4, -1e-4))
-    np.testing.assert_allclose(slope, (above - below) / 2e-4, rtol=1e-6)  # the square of the step
 
 
 @pytest.mark.parametrize(("odds", "beyond"), [(0.5, 0), (-2.0, 1)])
@@ -96,6 +70,35 @@ def test_hysteresis_of_the_square_of_displacement_is_told_by_its_third_harmonic(
     found = limited(among("displacement-velocity", "quadratic-displacement"), explain, record, lab.mode())
     assert found.in_library < 0.5
     assert any("another power of velocity or displacement explains" in caution for caution in found.cautions)
+
+
+FORCES = {
+    "a contact": (Contact(40.0, 0.02), {"rtol": 1e-6, "atol": 1e-9}, None),  # corners, within a step of the cycle
+    # these jump at the clearance, within a step of 3e-4 of the cycle: 40 times 3e-4, and times the speed
+    "a rub": (Rub(40.0, 0.02), {"atol": 0.02}, {"atol": 0.02}),
+    "a loose dashpot": (LooseDashpot(40.0, 0.02), {"atol": 0.01}, {"atol": 0.01}),
+    "falling friction": (FallingFriction(3.0, 0.5), {"rtol": 1e-7}, None),  # the jump of cos, (pi/n)^2
+    "a squeezed film": (SqueezedFilm(2.0, 0.5), {"rtol": 1e-9, "atol": 1e-12}, {"rtol": 1e-9, "atol": 1e-12}),  # smooth
+}
+
+
+@pytest.mark.parametrize(("force", "off", "off_third"), FORCES.values(), ids=FORCES)
+def test_a_force_without_a_name_has_the_averages_of_its_cycle(force, off, off_third):
+    """C, S and the third harmonic against the mean over a sampled cycle, below and above a clearance; slopes."""
+    A, w = np.array([0.01, 0.021, 0.05, 0.4]), 1.7 * np.ones(4)
+    theta = 2.0 * np.pi * (np.arange(200_000)[:, np.newaxis] + 0.5) / 200_000
+    g = force.g(A * np.sin(theta), np.abs(w * A * np.cos(theta)), np.sign(np.cos(theta)))
+    C, slope, S, in_phase_slope = (part + 0.0 * A for part in force.averages(A, w))
+    of_spring = isinstance(force, Contact)
+    assert not np.any(C if of_spring else S)
+    weight = np.sin(theta) if of_spring else np.cos(theta)
+    np.testing.assert_allclose(S if of_spring else C, 2.0 * np.mean(g * weight, axis=0), **off)
+    if off_third:
+        third = 2j * np.mean(g * np.exp(-3j * theta), axis=0)
+        np.testing.assert_allclose(force.third(A, w), third, **off_third)
+    above, below = (force.averages(A * np.exp(step), w) for step in (1e-4, -1e-4))
+    for found, part in ((slope, 0), (in_phase_slope, 2)):  # the square of the step, rounding over it
+        np.testing.assert_allclose(found, (above[part] - below[part]) / 2e-4 + 0.0 * A, rtol=1e-6, atol=1e-12)
 
 
 @pytest.mark.parametrize("power", [2.0, 1.0])
