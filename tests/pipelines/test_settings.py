@@ -86,12 +86,10 @@ def test_two_records_of_one_name(write, name, called):
         read_settings(write(GOOD + again))
 
 
-def test_no_records(write):
-    with pytest.raises(InputError, match="records"):
-        read_settings(write('title = "t"\nrecords = []\n'))
-
-
-def test_a_study_without_records(write):
-    """Records are a list of tables."""
-    with pytest.raises(InputError, match=r"missing table; expected \[\[records\]\]"):
-        read_settings(write('title = "none"\n'))
+@pytest.mark.parametrize(
+    ("records", "said"),
+    [("records = []", "records"), ("", r"missing table; expected \[\[records\]\]")],  # a list of tables
+)
+def test_a_study_without_records(write, records, said):
+    with pytest.raises(InputError, match=said):
+        read_settings(write(f'title = "t"\n{records}\n'))
