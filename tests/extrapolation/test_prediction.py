@@ -231,7 +231,7 @@ def test_stated_uncertainties_are_noise(saturn):
     np.testing.assert_allclose(loads.parts["measurement_noise"], expected, rtol=0.05)
 
 
-def test_cautions(saturn):
+def test_cautions_name_what_a_prediction_rests_on(saturn):
     data = saturn("config-2-mode-1")
     loads = predict([member(("viscous",), data)], np.array([20.0, 90.0, 10.0]), data, 0.9, seed=1)
     assert "three force levels say little about how damping grows with amplitude" in loads.cautions[0]

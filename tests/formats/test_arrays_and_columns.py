@@ -66,7 +66,7 @@ def test_mat_of_version_73(truth, tmp_path, imported):
 @pytest.mark.parametrize(
     "options", [{}, {"compression": "gzip", "shuffle": True, "chunks": (7,)}, {"compression": "lzf"}]
 )
-def test_hdf5(truth, tmp_path, imported, options):
+def test_hdf5_packed_or_not_is_read(truth, tmp_path, imported, options):
     path = tmp_path / "a.h5"
     with h5py.File(path, "w") as file:
         file.create_dataset("run/f", data=truth.f, **options)

@@ -104,7 +104,7 @@ def test_a_parameter_without_tolerance_has_a_row_in_the_posterior():
     assert list(table.iloc[1, 1:4]) == ["1.05", "1.50", "1.95"]  # of evenly spaced draws
 
 
-def test_the_form(answered):
+def test_the_form_has_every_key_and_the_lag_that_is_there(answered):
     found = constants(answered[0].read_text())
     assert set(found) >= KEYS
     assert found["format"] == "gap/1"
@@ -183,7 +183,7 @@ def test_no_case_of_a_folder_is_larger_than_may_be(damping, case, tmp_path):
     assert "larger than 10 bytes" in answer["error"]
 
 
-def test_bad_usage(damping, case, tmp_path):
+def test_words_that_name_no_diagnosis_are_refused_in_one_line(damping, case, tmp_path):
     model, data = case / "model.toml", case / "data.csv"
     (tmp_path / "empty").mkdir()
     for words, says in (

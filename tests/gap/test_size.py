@@ -97,7 +97,7 @@ def test_a_state_that_deviates_as_a_whole_is_told_as_one(lab, spread, alike):
     assert named == (["every sweep of state 2"] if alike else ["sweep 2: A", "sweep 2: B", "sweep 2: C"])
 
 
-def test_shrinkage():
+def test_shrinkage_is_the_share_of_the_gap_that_is_explained():
     assert shrinkage(3.0, 1.0, 100) == 1.0
     assert shrinkage(3.0, 0.9, 100) == 1.0  # never above
     np.testing.assert_allclose(shrinkage(3.0, 2.0, 100), 1.0 - 3.0 / 8.0, rtol=1e-14, atol=0.0)  # rounding

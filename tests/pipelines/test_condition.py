@@ -65,7 +65,9 @@ def test_the_record_is_one_that_the_other_commands_take(
     assert "force in lb, length in in, time in s" in printed
 
 
-def test_the_command(raw: Path, config: Path, tmp_path: Path, damping: Callable[..., Any]) -> None:
+def test_the_command_writes_a_record_and_its_steps(
+    raw: Path, config: Path, tmp_path: Path, damping: Callable[..., Any]
+) -> None:
     done = damping("condition", raw, "--config", config, "--out", tmp_path / "a.csv", "--steps", tmp_path / "steps")
     assert (done.code, done.err) == (0, "")
     assert len(read_record(tmp_path / "a.csv")) == 15

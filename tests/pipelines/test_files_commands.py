@@ -206,7 +206,7 @@ def test_names_lead_nowhere(tmp_path, damping, monkeypatch):
     assert sorted(os.listdir(folder)) == ["S.toml", "a.uff", "o.uff", "r.csv"]
 
 
-def test_links(tmp_path, damping):
+def test_an_output_that_is_a_link_is_followed_and_a_loop_is_no_file(tmp_path, damping):
     """An output that is a link is followed, never replaced; a link to itself is no file."""
     path, kept = universal(tmp_path / "a.uff", "receptance"), tmp_path / "kept"
     kept.write_text("mine")

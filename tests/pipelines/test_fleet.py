@@ -443,7 +443,7 @@ def test_chains_where_they_are_asked_for(tmp_path, one_law):
         ("in", {"workers": 0, "time_limit": 0.0}, "--time-limit 0"),
     ],
 )
-def test_bad_usage(tmp_path, monkeypatch, source, options, said):
+def test_a_fleet_that_cannot_begin_says_why(tmp_path, monkeypatch, source, options, said):
     write_record(tmp_path / "in", "one", 0)
     monkeypatch.setattr(runners, "CONNECT", 0.2)
     with pytest.raises(InputError, match=said):

@@ -195,7 +195,7 @@ def test_sizes_are_bounded(scratch):
         read_mode(scratch(MODE + "x = " + "1" * 5000, "mode.toml"))
 
 
-def test_whole_file(scratch):
+def test_a_file_with_everything_is_read(scratch):
     mode = read_mode(scratch(WHOLE, "mode.toml"))
     assert mode.name == "Configuration II, first mode"
     assert mode.omega_n == 2 * pi * 1.5
@@ -216,7 +216,7 @@ def test_whole_file(scratch):
     assert replace(read_mode(scratch(describe_mode_to_toml(mode), "mode.toml")), source=mode.source) == mode
 
 
-def test_defaults(scratch):
+def test_what_a_file_leaves_out_has_a_default(scratch):
     path = scratch(("\ufeff" + MODE.replace('name = "first"\n', "")).replace("\n", "\r\n"), "a mode.toml")
     assert read_mode(path) == Mode(name="a mode", frequency=2.5, mass=3.0, source=str(path))
     assert str(Units()) == "one consistent system of units"
@@ -274,7 +274,7 @@ MODES = st.builds(
 
 @settings(deadline=None, max_examples=100)
 @given(mode=MODES)
-def test_round_trip(mode, scratch):
+def test_any_mode_is_read_back_as_it_was_written(mode, scratch):
     path = scratch(describe_mode_to_toml(mode), "mode.toml")
     assert read_mode(path) == replace(mode, source=str(path))
 

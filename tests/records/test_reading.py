@@ -212,7 +212,7 @@ def test_what_is_data_is_kept(scratch):
     assert all(table[name].dtype == np.float64 for name in ("phase", *numbers))
 
 
-def test_any_table(scratch):
+def test_a_table_has_numbers_where_all_cells_are(scratch):
     path = scratch("y,x,label,code\n1,2,a,1\n3,,=b,2\n")
     table = read_table(path, required=["y", "label"], text_columns=["label"])
     assert table["y"].tolist() == [1.0, 3.0]

@@ -89,5 +89,5 @@ def test_errata_exist() -> None:
         ("67", 67.5, "printed digits"),
     ],
 )
-def test_agreement(printed: str, computed: float, expected: str) -> None:
+def test_a_number_agrees_to_the_digits_that_are_printed(printed: str, computed: float, expected: str) -> None:
     assert agreement(printed, computed) == expected

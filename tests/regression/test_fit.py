@@ -52,7 +52,7 @@ def test_all_statistics_against_statsmodels(random_design: Build, constant: bool
         assert found.criteria.adjusted_r_squared == pytest.approx(other.rsquared_adj, rel=1e-12)
 
 
-def test_definitions(random_design: Build) -> None:
+def test_every_figure_of_the_summary_follows_its_definition(random_design: Build) -> None:
     """Every figure of the summary from its definition, with numpy alone."""
     design = random_design(2, n=12, k=3)
     observed = np.round(design.observed, 1)
