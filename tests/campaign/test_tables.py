@@ -137,8 +137,7 @@ def require_truth(runs, names=NAMES) -> None:
 
 
 @pytest.mark.parametrize(
-    "kind",
-    ["csv", "xlsx", "mat", "tdms", "sweeps.csv", "levels.csv", "blocks.csv", "groups.tdms", "sheets.xlsx"],
+    "kind", ["csv", "xlsx", "mat", "tdms", "sweeps.csv", "levels.csv", "blocks.csv", "groups.tdms", "sheets.xlsx"]
 )
 def test_every_file_gives_the_same_runs(tmp_path, kind):
     runs, _ = read_runs(write(kind, tmp_path), SIZE, None, Stated(**SI) if kind == "mat" else None)

@@ -10,13 +10,7 @@ from scipy.special import ndtri
 
 from damping.extrapolation import extrapolate_loads
 from damping.extrapolation.cautions import BEYOND_TEST, STAYS_LINEAR
-from damping.extrapolation.draws import (
-    Draws,
-    Member,
-    amplitude_draws,
-    choose_next_level,
-    find_quantiles,
-)
+from damping.extrapolation.draws import Draws, Member, amplitude_draws, choose_next_level, find_quantiles
 from damping.extrapolation.prediction import PARTS, predict, scale_linearly
 from damping.extrapolation.prepared import prepare_record
 from damping.extrapolation.reading import NextReading

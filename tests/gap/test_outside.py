@@ -168,12 +168,8 @@ def test_inertia_that_varies_is_no_spring_that_softens(lab, added, among):
 
     rows = lab.bench(levels=4, points=24).rows
     states = [("a", rows, 0.0), *[("b", rows, 0.25 * lab.mass)] * added]
-    found = limited(
-        among("stiffness-softening", "slip"),
-        explain,
-        make_record(lab, states, lambda A, omega: -0.5 * growth * (A * omega) ** 2, third),
-        lab.mode(),
-    )
+    record = make_record(lab, states, lambda A, omega: -0.5 * growth * (A * omega) ** 2, third)
+    found = limited(among("stiffness-softening", "slip"), explain, record, lab.mode())
     assert "stiffness-softening" in found.leading.effects
     assert found.hypotheses[0].probability < 0.95
     assert any("a mass that varies with the motion explains" in caution for caution in found.cautions)
@@ -222,12 +218,8 @@ def test_a_joint_that_opens_is_no_stiffness_that_falls_with_a_power(lab, among):
         x = np.minimum(clearance / A, 1.0)
         return -0.5 * lost * (1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * np.sqrt(1.0 - x * x)))
 
-    found = limited(
-        among("stiffness-softening", "slip"),
-        explain,
-        make_record(lab, [("a", lab.bench(levels=3, points=30).rows, 0.0)], stiffness),
-        lab.mode(),
-    )
+    record = make_record(lab, [("a", lab.bench(levels=3, points=30).rows, 0.0)], stiffness)
+    found = limited(among("stiffness-softening", "slip"), explain, record, lab.mode())
     assert found.leading.effects
     assert found.in_library < 0.5
     assert any("a joint that opens, beyond a clearance explains the record better" in text for text in found.cautions)
@@ -258,12 +250,8 @@ def test_what_takes_up_all_that_a_new_state_says_is_no_explanation(lab, among):
     top = lab.bench(levels=1, points=24).rows
     record = make_record(lab, [("a", rows, 0.0), ("b", top, 0.25 * lab.mass)], lambda A, omega: 0.0 * A)
     low = np.where(record.column("added_mass") > 0.0, 0.9, 1.0)
-    found = limited(
-        among("level-offset"),
-        explain,
-        Record(record.table.assign(amplitude=low * record.column("amplitude"))),
-        lab.mode(),
-    )
+    measured = Record(record.table.assign(amplitude=low * record.column("amplitude")))
+    found = limited(among("level-offset"), explain, measured, lab.mode())
     assert found.leading.effects == ("level-offset",)
     assert found.in_library < 0.5
     assert any("the only sweep of its state" in caution for caution in found.cautions)
@@ -289,12 +277,8 @@ def test_frequencies_of_levels_that_alternate_are_told(lab, among):
     """A fifth of a half-bandwidth to either side, the record as noisy as stated: "fits to its noise" was all."""
     rows = lab.bench(levels=5, points=16).rows
     omega = lab.omega * (1.0 + 0.0012 * np.where(rows.sweep % 2, -1.0, 1.0))
-    found = limited(
-        among("level-offset", "drift"),
-        diagnose,
-        lab.record(rows, lab.linear(rows, omega=omega), 3),
-        lab.mode(None, None),
-    )
+    record = lab.record(rows, lab.linear(rows, omega=omega), 3)
+    found = limited(among("level-offset", "drift"), diagnose, record, lab.mode(None, None))
     assert found.leading.effects == ()
     assert any("the frequencies of the levels scatter by 0.12%" in caution for caution in found.cautions)
 
@@ -327,12 +311,8 @@ def test_two_close_modes_are_no_two_causes(lab, sign, among):
             1.0 / (1.0 / own + 0.4 / mode(omega, 1.0 + 2.0 * loss) + sign * 0.4 / mode(omega, 1.0 - 1.25 * loss)) - own
         )
 
-    found = limited(
-        among("residual-modes", "second-mode"),
-        explain,
-        make_record(lab, [("a", lab.bench(levels=3, points=40).rows, 0.0)], stiffness),
-        lab.mode(),
-    )
+    record = make_record(lab, [("a", lab.bench(levels=3, points=40).rows, 0.0)], stiffness)
+    found = limited(among("residual-modes", "second-mode"), explain, record, lab.mode())
     assert found.in_library < 0.5
     assert any("a close mode on each side of the simulated one explains" in caution for caution in found.cautions)
 
@@ -341,12 +321,8 @@ def test_a_force_cell_that_is_not_linear_is_told(lab, among):
     """The largest of four forces is 15 % above its reading, others by the square of the force: closed form."""
     rows = lab.bench(levels=4, points=20).rows
     gain = 1.0 + 0.15 * (rows.force / rows.force.max()) ** 2
-    found = limited(
-        among("level-offset", "sensor-saturation", "force-dropout"),
-        explain,
-        lab.record(rows, lab.linear(rows, gain=gain), 3),
-        lab.mode(),
-    )
+    record = lab.record(rows, lab.linear(rows, gain=gain), 3)
+    found = limited(among("level-offset", "sensor-saturation", "force-dropout"), explain, record, lab.mode())
     assert found.in_library < 0.5
     sentence = "a force that is read wrong in proportion to a power of itself explains"
     assert any(sentence in caution for caution in found.cautions)

@@ -13,13 +13,7 @@ from damping.gap.model import Model, Scatter
 from damping.gap.problem import setting
 from damping.gap.scatter import describe_repeatability
 from damping.gap.search import search_hypotheses
-from damping.gap.size import (
-    hold_levels_out,
-    measure_gap,
-    nominal_residuals,
-    shrinkage,
-    whitened,
-)
+from damping.gap.size import hold_levels_out, measure_gap, nominal_residuals, shrinkage, whitened
 from damping.gap.where import footprint_cells, local_estimates, residual_cells, trend
 from damping.records.record import Record
 from tests.gap.limited import KINDS

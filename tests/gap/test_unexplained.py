@@ -494,12 +494,8 @@ def test_a_sensor_that_resonates_near_the_mode_is_told_first_where_phases_are_ab
     r = rows.omega / (lab.omega * (1.0 - 4.0 * lab.xi))
     part = 0.25 * -1j * 2j * lab.xi * r / (1.0 - r * r + 2j * lab.xi * r)
     record = lab.record(rows, lab.linear(rows, gain=np.abs(1.0 + part)), seed)
-    found = limited(
-        among("background", "force-dropout", "residual-modes"),
-        explain,
-        Record(record.table.drop(columns=["phase", "phase_sd"]), "amplitudes"),
-        lab.mode(),
-    )
+    measured = Record(record.table.drop(columns=["phase", "phase_sd"]), "amplitudes")
+    found = limited(among("background", "force-dropout", "residual-modes"), explain, measured, lab.mode())
     assert not found.leading.key <= {"background", "amplitude-scale", "force-dropout"}
     assert any(text.startswith("look at the rig first: a sensor or shaker") for text in found.cautions)
 
@@ -538,12 +534,8 @@ def test_cross_talk_in_proportion_to_the_force_is_a_background_at_any_angle(lab,
     rows, c, angle = lab.bench().rows, 0.15 / (lab.viscous * lab.omega), 1.2
     Z = lab.mass * (lab.omega**2 - rows.omega**2) + 1j * lab.viscous * rows.omega
     read = rows.force * (1.0 / Z + c * np.exp(-1j * angle))
-    found = limited(
-        among("background", "residual-modes", "second-mode"),
-        diagnose,
-        lab.record(rows, lab.cells(np.abs(read), -np.angle(read)), 4),
-        lab.mode(),
-    )
+    record = lab.record(rows, lab.cells(np.abs(read), -np.angle(read)), 4)
+    found = limited(among("background", "residual-modes", "second-mode"), diagnose, record, lab.mode())
     assert found.leading.effects == ("background",)
     values, intervals = effect_values(found.leading.best)["background"], effect_intervals(found.leading.best)
     # the interval holds 90 %; twice its width about its middle all but a few in a thousand
@@ -564,12 +556,8 @@ def test_a_sensor_whose_mount_resonates_beyond_the_rows_is_told_with_its_frequen
     rows = lab.bench().rows
     gain = (1.0 - ratio**-2) / (1.0 - (rows.omega / (ratio * lab.omega)) ** 2)
     record = lab.record(rows, lab.linear(rows, gain=gain), 3)
-    found = limited(
-        among("residual-modes", "second-mode", "background", "drift"),
-        explain,
-        Record(record.table.drop(columns=["phase", "phase_sd"]), "amplitudes"),
-        lab.mode(),
-    )
+    measured = Record(record.table.drop(columns=["phase", "phase_sd"]), "amplitudes")
+    found = limited(among("residual-modes", "second-mode", "background", "drift"), explain, measured, lab.mode())
     assert found.leading.effects == ("residual-modes",)
     (caution,) = describe_slope(found.leading.best)
     said = float(caution.split("resonates at about ")[1].split(" Hz")[0])

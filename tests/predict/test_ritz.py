@@ -23,14 +23,7 @@ from damping.forces import (
     Viscous,
     damping_term,
 )
-from damping.predict.steady import (
-    backbone,
-    balance,
-    phase_lag,
-    phase_resonance,
-    resonant_amplitude,
-    steady_state,
-)
+from damping.predict.steady import backbone, balance, phase_lag, phase_resonance, resonant_amplitude, steady_state
 
 M, omega_n = 50.78, 10.455  # first mode of Configuration II, sweep C (Table 4.V)
 

@@ -209,10 +209,7 @@ def test_a_file_with_everything_is_read(scratch):
         "velocity-power": {"coefficient": 0.19, "exponent": 1.65},
         "slip": {"stiffness": 40.0, "limit": 0.01},
     }
-    assert mode.effects == {
-        "phase-lag": {"lag": -0.05},
-        "planar-coupling": {"angle": 0.3, "frequency_ratio": 1.02},
-    }
+    assert mode.effects == {"phase-lag": {"lag": -0.05}, "planar-coupling": {"angle": 0.3, "frequency_ratio": 1.02}}
     assert replace(read_mode(scratch(describe_mode_to_toml(mode), "mode.toml")), source=mode.source) == mode
 
 

@@ -17,12 +17,7 @@ from damping.records.mode import Mode
 from damping.records.pairs import phase_offset
 from damping.records.reading import read_record
 from damping.records.record import Record, energy_per_cycle
-from damping.records.resonance import (
-    find_jump,
-    find_resonance,
-    number_levels,
-    tabulate_resonances,
-)
+from damping.records.resonance import find_jump, find_resonance, number_levels, tabulate_resonances
 
 # mass, rad/s, viscous coefficient: damping ratio C/(2 M OMEGA_N) = 0.005
 M = 2.0

@@ -15,12 +15,7 @@ import damping_reed1970 as report_tables
 from damping.errors import InputError
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
-from damping_reed1970 import (
-    data_folder,
-    load_force_laws,
-    load_table,
-    load_text,
-)
+from damping_reed1970 import data_folder, load_force_laws, load_table, load_text
 from tests.reed1970.saturn_records import RECORD_NAMES, describe_mode_text, record_text, report_record
 
 FOLDER = data_folder() / "saturn-v"
