@@ -98,7 +98,7 @@ def test_what_is_no_argument_is_refused(said, call):
 def test_what_is_meant_well_is_understood():
     assert made(source=Path("a/b.toml")).source == "a/b.toml"
     assert dp.Record(TABLE, Path("a/b.csv")) == dp.Record(TABLE, "a/b.csv")
-    assert list_asked(np.array(5.0), "force", 0.9).tolist() == [5.0]
+    assert list_asked(5.0, "force", 0.9).tolist() == list_asked(np.array(5.0), "force", 0.9).tolist() == [5.0]
 
 
 @pytest.mark.parametrize(
@@ -283,7 +283,6 @@ def test_a_time_of_day_is_told_what_is_expected(tmp_path):
     stamped = TABLE.assign(time=[f"10:00:{k:02d}.000" for k in range(5)])
     stamped.to_csv(file := tmp_path / "record.csv", index=False)
     for read in (lambda: dp.Record(stamped), lambda: dp.read_record(file)):
-        with pytest.raises(
-            dp.InputError, match=r"'10:00:00.000' .*; expected a finite number: s since any moment, not"
-        ):
+        said = r"'10:00:00.000' .*; expected a finite number: s since any moment, not"
+        with pytest.raises(dp.InputError, match=said):
             read()

@@ -145,9 +145,8 @@ def test_names_of_roles_need_no_map_and_others_do(truth, tmp_path, imported):
     scipy.io.savemat(path, {"omega": 2 * np.pi * truth.f, "real": truth.H.real, "imag": truth.H.imag, "force": truth.F})
     close(imported(path, scaling="peak", **SI).record, truth)
     scipy.io.savemat(path, {"f1": truth.f, "h1": truth.H})
-    with pytest.raises(
-        InputError, match=r"no array has the name of a role; expected --column ROLE=NAME; it has f1 \(1 x 41\)"
-    ):
+    said = r"no array has the name of a role; expected --column ROLE=NAME; it has f1 \(1 x 41\)"
+    with pytest.raises(InputError, match=said):
         imported(path, **SI)
     with pytest.raises(InputError, match=r"no array 'h2'; expected f1 \(1 x 41\), h1 \(1 x 41\)"):
         imported(path, columns={"frequency": "f1", "response": "h2"}, **SI)
@@ -408,9 +407,8 @@ def test_what_is_of_no_format(tmp_path, imported):
     version_4 = path.read_bytes()
     for content in (version_4, np.random.default_rng(1).bytes(3000), b"PK\x03\x04" + bytes(100)):
         path.write_bytes(content)
-        with pytest.raises(
-            InputError, match=r"a\.mat: neither UFF, MAT 5 to 7\.3, HDF5, TDMS, LVM nor text; expected .*-v7"
-        ):
+        said = r"a\.mat: neither UFF, MAT 5 to 7\.3, HDF5, TDMS, LVM nor text; expected .*-v7"
+        with pytest.raises(InputError, match=said):
             imported(path)
     path.write_bytes(b"frequency,amplitude \xff\x81\n1,2\n")  # 0x81 is no character of Windows-1252 either
     with pytest.raises(InputError, match="line 1: byte 0xff"):

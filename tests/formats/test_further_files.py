@@ -274,9 +274,8 @@ def test_a_table_of_a_signal_without_times(tmp_path):
 def test_a_stated_unit_beside_that_of_the_file_is_said(tmp_path):
     """A signal in volts needs its sensitivity: without one, readings pass for those of the stated unit."""
     path = write_csv(tmp_path / "a.csv", {"Time [s]": T, "Acc [mV]": 10.0 * X})
-    with pytest.raises(
-        InputError, match=r"a voltage; expected --unit response=UNIT .* --scale response=VALUE of one mV"
-    ):
+    said = r"a voltage; expected --unit response=UNIT .* --scale response=VALUE of one mV"
+    with pytest.raises(InputError, match=said):
         histories(path)
     for scale, cautions in ({}, 1), ({"response": 0.1}, 0):
         stated, summary = Stated(**SIGNAL, scale=scale), Summary()

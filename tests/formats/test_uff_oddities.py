@@ -214,9 +214,8 @@ def test_missing_quantities_are_asked_for(read: Read, tmp_path: Path, imported):
     found = read(header(numerator=blank, denominator=blank) + SINGLE + END)
     assert found.facts.response is None
     path = tmp_path / "file.unv"
-    with pytest.raises(
-        InputError, match="neither in the file nor stated: type of the response, unit of the response"
-    ) as caught:
+    said = "neither in the file nor stated: type of the response, unit of the response"
+    with pytest.raises(InputError, match=said) as caught:
         imported(path, forces=(1.0,))
     assert caught.value.expected.count("--") == 3  # one message names an option for each of the three
     with pytest.raises(InputError, match="neither in the file nor stated: unit of the response and unit of the force"):

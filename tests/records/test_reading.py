@@ -141,9 +141,8 @@ def test_refused_in_one_line_that_names_the_place(case, scratch):
 
 @pytest.mark.parametrize("cell", ["nan", "NaN", "inf", "-Infinity", "1e999", "1_000", "٣"])
 def test_numbers_are_finite_and_written_plainly(cell, scratch):
-    with pytest.raises(
-        InputError, match=r"line 2, column force: .* is not a finite number written with the digits 0-9"
-    ):
+    said = r"line 2, column force: .* is not a finite number written with the digits 0-9"
+    with pytest.raises(InputError, match=said):
         read_record(scratch(f"{HEAD}A,{cell},10,0.5,1\n"))
 
 
@@ -176,9 +175,8 @@ def test_files_that_cannot_be_read(tmp_path, scratch):
     path = scratch(HEAD + ROW)
     size = path.stat().st_size
     assert len(read_record(path, max_size=size)) == 1
-    with pytest.raises(
-        InputError, match=f"larger than {size - 1} bytes; expected a smaller file or a larger --max-size"
-    ):
+    expected = f"larger than {size - 1} bytes; expected a smaller file or a larger --max-size"
+    with pytest.raises(InputError, match=expected):
         read_record(path, max_size=size - 1)
     assert DEFAULT_MAX_SIZE == 200_000_000
 
