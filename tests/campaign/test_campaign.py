@@ -569,9 +569,8 @@ def test_corrections_of_what_is_not_there(tmp_path, text, message):
 
 def test_a_design_input_over_frequency():
     curve = DesignLevel(np.array([20.0, 40.0, 80.0]), np.array([1.0, 4.0, 1.0]))
-    np.testing.assert_allclose(
-        [curve.at(f) for f in (10.0, 40.0, 40.0 * 2**0.5, 200.0)], [1.0, 4.0, 2.0, 1.0], rtol=1e-12
-    )
+    expected = [1.0, 4.0, 2.0, 1.0]
+    np.testing.assert_allclose([curve.at(f) for f in (10.0, 40.0, 40.0 * 2**0.5, 200.0)], expected, rtol=1e-12)
     assert DesignLevel.flat(8.0).at(55.0) == 8.0  # the level that was asked for, to the last digit
     with pytest.raises(InputError, match="no level"):
         DesignLevel(np.array([2.0, 1.0]), np.array([1.0, 1.0]))

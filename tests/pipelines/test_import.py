@@ -140,9 +140,8 @@ def test_a_decay_begins_where_the_drive_stops(tmp_path: Path, capsys: pytest.Cap
     assert "the force stops 2 times; --start 4 --end 7.998 --start 12 --end 15.998 takes each" in said
     record = read_record(out)
     # the end of the dwell lies within a sample; the image of the window 1e-3, and its slope over one level
-    np.testing.assert_allclose(
-        record.column("amplitude"), np.exp(-zeta * w * (record.column("time") - 12.0)), rtol=2e-2
-    )
+    expected = np.exp(-zeta * w * (record.column("time") - 12.0))
+    np.testing.assert_allclose(record.column("amplitude"), expected, rtol=2e-2)
     np.testing.assert_allclose(record.frame["damping_ratio"], zeta, rtol=2e-2)
 
 
@@ -477,9 +476,8 @@ def test_loads_know_their_units_and_what_was_asked(tmp_path: Path) -> None:
     source.write_text(json.dumps(content))
     export(source, out, units="si")
     found = pd.read_parquet(out)
-    np.testing.assert_allclose(
-        found[["median", "low", "high", "linear"]], [[2 * LBF, LBF, 3 * LBF, 2.5 * LBF]], rtol=1e-15
-    )
+    expected = [[2 * LBF, LBF, 3 * LBF, 2.5 * LBF]]
+    np.testing.assert_allclose(found[["median", "low", "high", "linear"]], expected, rtol=1e-15)
     np.testing.assert_allclose(found["amplitude"], INCH, rtol=1e-15)
     assert "force" not in found
     source.write_text(json.dumps(content | {"predictions": [one | {"force": 1.0}]}))

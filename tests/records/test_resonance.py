@@ -439,9 +439,8 @@ def test_energy_per_cycle():
     nan = np.nan  # the first row of largest amplitude stands for its sweep
     np.testing.assert_allclose(energy_per_cycle(Record(table, "")), [nan, largest[1], largest[2], nan], rtol=1e-15)
     phase = np.array([0.1, -0.1, 1.0, 3.3])
-    np.testing.assert_allclose(
-        energy_per_cycle(Record(table.assign(phase=phase), "")), largest * np.sin(phase), rtol=1e-15
-    )
+    expected = largest * np.sin(phase)
+    np.testing.assert_allclose(energy_per_cycle(Record(table.assign(phase=phase), "")), expected, rtol=1e-15)
     given = np.array([4.0, 3.0, 2.0, 1.0])
     assert energy_per_cycle(Record(table.assign(phase=phase, energy=given), "")).tolist() == given.tolist()
 

@@ -90,9 +90,8 @@ def test_deviations_beside_the_printed_ones(tables: dict[str, pd.DataFrame]) -> 
     for fit, places in (("E2", 0.01), ("E4", 0.1)):
         found = rows(table, fit=fit)
         # a unit of the last printed place: the recovered inputs are rounded like the printed ones
-        np.testing.assert_allclose(
-            found["percent_from_recovered_inputs"], found["percent_printed"], rtol=0.0, atol=places
-        )
+        expected = found["percent_printed"]
+        np.testing.assert_allclose(found["percent_from_recovered_inputs"], expected, rtol=0.0, atol=places)
     by_hand = 100.0 * (table["E_printed_in_lb"] - table["fitted_from_printed_inputs_in_lb"]) / table["E_printed_in_lb"]
     np.testing.assert_allclose(table["percent_from_printed_inputs"], by_hand, rtol=1e-9, atol=1e-9)
 
