@@ -24,6 +24,81 @@ TABLE = pd.DataFrame(
     {"sweep": list("ABCDE"), "force": FORCE, "frequency": 25.0, "amplitude": 0.2 * (FORCE / 4.0) ** 0.76}
 )
 MODE = dp.Mode(name="m", frequency=25.0, mass=0.04, damping={"viscous": 1.0})
+RECORD = dp.Record(TABLE)
+
+
+def made(**changed: object) -> dp.Mode:
+    return dp.Mode(**{"name": "m", "frequency": 25.0, "mass": 0.04, **changed})
+
+
+def regressed(**changed: object) -> object:
+    return dp.regress(**{"frame": TABLE, "response": "amplitude", "terms": "force", **changed})
+
+
+def swept(**changed: object) -> object:
+    return dp.sweep(**{"mode": MODE, "force": 1.0, "frequency": [24.0, 26.0], **changed})
+
+
+UNLIKE = [[1.0, 2.0], [3.0]]
+FLAG = " 'no'; expected True or False"  # a text is true, whatever it says
+NO_PAIRS = r"states are no pairs; expected \(record, mode\)"
+SIMULATOR = "; expected a function of force, frequency"
+#: What is said, and of which call.
+MISTAKES = [
+    ("record is of type DataFrame; expected Record", lambda: dp.rank(TABLE)),
+    ("mode is of type Record", lambda: dp.extrapolate(RECORD, RECORD, [60.0])),
+    ("mode is of type str", lambda: dp.diagnose(RECORD, "mode.toml")),
+    ("path 5; expected the name of a file", lambda: dp.read_record(5)),
+    *(("source is of type", lambda of=of: dp.Record(TABLE, of)) for of in (None, 3)),
+    ("column force: two columns of this name", lambda: dp.Record(pd.concat([TABLE, TABLE[["force"]]], axis=1))),
+    (
+        "column force: a number too large; expected a finite number",
+        lambda: dp.Record(TABLE.assign(force=pd.Series([10**400, 2, 3, 4, 5], dtype=object))),
+    ),
+    *(
+        (r"source is of type .*; expected a text or a path", lambda of=of: made(source=of))
+        for of in (None, 3, np.array([]))
+    ),
+    *((f"column {key}: unknown key in", lambda key=key: made(damping={key: 1.0})) for key in (3, pd.NA)),
+    ("despite is array", lambda: dp.rank(RECORD, despite=np.array("units"))),
+    ("despite is 'phase-sign'; expected a list", lambda: dp.rank(RECORD, despite="phase-sign")),
+    *((NO_PAIRS, lambda of=of: dp.diagnose(RECORD, MODE, states=of)) for of in (np.array(5), 3, [RECORD])),
+    *(("the simulator " + said + SIMULATOR, lambda of=of: dp.diagnose(RECORD, MODE, simulate=of))
+      for said, of in (("tells no parameters", max), ("is of type int", 3))),
+    ("posterior" + FLAG, lambda: dp.diagnose(RECORD, MODE, posterior="no")),
+    ("compare" + FLAG, lambda: dp.diagnose(RECORD, MODE, compare="no")),
+    *((r"no list of (force|amplitude)s; expected an? ", lambda ask=ask, name=name: ask(RECORD, MODE, **{name: UNLIKE}))
+      for ask in (dp.extrapolate, dp.curve) for name in ("forces", "amplitudes")),
+    ("structure" + FLAG, lambda: swept(structure="no")),
+    ("force -2", lambda: swept(force=-2.0)),
+    (r"force \[2.0, 3.0\]; expected positive numbers", lambda: swept(force=[[2.0, 3.0]])),
+    ("force or frequency is no number", lambda: swept(force="strong")),
+    ("frequencies out of range", lambda: swept(frequency=[2.0, 1.0])),
+    (
+        "200000 rows; expected 100000 rows",
+        lambda: swept(force=[2.0, 3.0], frequency=np.linspace(1.0, 2.0, 100_000)),
+    ),
+    ("nonnegative" + FLAG, lambda: regressed(nonnegative="no")),
+    ("source is of type int; expected str", lambda: regressed(source=3)),
+    ("response is of type int; expected str", lambda: regressed(response=3)),
+    ("terms is of type list; expected a text, or a list of terms", lambda: regressed(terms=[3])),
+    ("terms is of type int", lambda: regressed(terms=3)),
+    ("no column 'amplitude'; expected a table with columns", lambda: regressed(frame=pd.DataFrame())),
+    *(("to stop at; expected a finite number >= 0", lambda of=of: regressed(select="backward", t_stop=of))
+      for of in (True, "2", "x", np.array([2.0]))),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("said", "call"), MISTAKES)
+def test_what_is_no_argument_is_refused(said, call):
+    with pytest.raises(dp.InputError, match=said):
+        call()
+
+
+def test_what_is_meant_well_is_understood():
+    assert made(source=Path("a/b.toml")).source == "a/b.toml"
+    assert dp.Record(TABLE, Path("a/b.csv")) == dp.Record(TABLE, "a/b.csv")
+    assert list_asked(5.0, "force", 0.9).tolist() == list_asked(np.array(5.0), "force", 0.9).tolist() == [5.0]
 
 
 @pytest.mark.parametrize(
@@ -41,11 +116,6 @@ MODE = dp.Mode(name="m", frequency=25.0, mass=0.04, damping={"viscous": 1.0})
 def test_columns_that_pandas_would_make_numbers_of(column, values, said):
     with pytest.raises(dp.InputError, match=said):
         dp.Record(TABLE.assign(**{column: values}))
-
-
-def test_two_columns_of_one_name():
-    with pytest.raises(dp.InputError, match="column force: two columns of this name"):
-        dp.Record(pd.concat([TABLE, TABLE[["force"]]], axis=1))
 
 
 def test_a_mass_may_be_left_out_where_the_base_is_shaken():
@@ -92,15 +162,6 @@ def test_choices_are_texts(value):
             dp.sweep(MODE, force=1.0, frequency=[24.0, 26.0], **{key: value})
 
 
-def test_an_array_without_axes_is_no_list():
-    record = dp.Record(TABLE)
-    with pytest.raises(dp.InputError, match="despite is array"):
-        dp.rank(record, despite=np.array("units"))
-    with pytest.raises(dp.InputError, match="states are no pairs"):
-        dp.diagnose(record, MODE, states=np.array(5))
-    assert list_asked(np.array(5.0), "force", 0.9).tolist() == [5.0]
-
-
 @pytest.mark.parametrize(
     "value",
     [True, "5", ["5", "6"], b"5", np.datetime64("2026"), Decimal(5), pd.NaT, 5 + 0j, [[1.0], [2.0, 3.0]], {"a": 1}],
@@ -112,42 +173,6 @@ def test_what_looks_like_the_forces_of_a_sweep(value):
         dp.sweep(MODE, force=value, frequency=[24.0, 26.0])
     with pytest.raises(dp.InputError, match="force or frequency is no number; expected"):
         dp.sweep(MODE, force=1.0, frequency=value)
-
-
-def test_a_t_ratio_is_a_number():
-    for value in (True, "2", np.array([2.0])):
-        with pytest.raises(dp.InputError, match="to stop at; expected a finite number >= 0"):
-            dp.regress(TABLE, response="amplitude", terms="force, 1", select="backward", t_stop=value)
-
-
-def test_where_a_mode_is_from():
-    assert dp.Mode(name="m", frequency=25.0, mass=1.0, source=Path("a/b.toml")).source == "a/b.toml"
-    for source in (None, 3, np.array([])):
-        with pytest.raises(dp.InputError, match=r"source is of type .*; expected a text or a path"):
-            dp.Mode(name="m", frequency=25.0, mass=1.0, source=source)
-
-
-def test_lists_of_unlike_lengths_are_no_forces():
-    record, mode = dp.Record(TABLE), dp.Mode(name="m", frequency=25.0, mass=0.04)
-    for asked in ({"forces": [[1.0, 2.0], [3.0]]}, {"amplitudes": [[1.0, 2.0], [3.0]]}):
-        for predict in (dp.extrapolate, dp.curve):
-            with pytest.raises(dp.InputError, match=r"no list of (force|amplitude)s; expected an? "):
-                predict(record, mode, **asked)
-
-
-@pytest.mark.parametrize(
-    ("flag", "function", "asked"),
-    [
-        ("posterior", dp.diagnose, {"record": dp.Record(TABLE), "mode": MODE}),
-        ("compare", dp.diagnose, {"record": dp.Record(TABLE), "mode": MODE}),
-        ("structure", dp.sweep, {"mode": MODE, "force": 1.0, "frequency": [24.0, 26.0]}),
-        ("nonnegative", dp.regress, {"frame": TABLE, "response": "force", "terms": "amplitude"}),
-    ],
-)
-def test_flags_are_true_or_false(flag, function, asked):
-    """A text is true, whatever it says."""
-    with pytest.raises(dp.InputError, match=f"{flag} 'no'; expected True or False"):
-        function(**asked, **{flag: "no"})
 
 
 def test_a_notebook_shows_records_and_modes():
@@ -214,17 +239,6 @@ def test_further_columns_hold_anything():
         dp.Record(twice.assign(channels=[[1], [1]]))
 
 
-def test_a_whole_number_beyond_any_float():
-    with pytest.raises(dp.InputError, match="column force: a number too large; expected a finite number"):
-        dp.Record(TABLE.assign(force=pd.Series([10**400, 2, 3, 4, 5], dtype=object)))
-
-
-def test_keys_of_a_mode_are_texts():
-    for key in (3, pd.NA):
-        with pytest.raises(dp.InputError, match=f"column {key}: unknown key in"):
-            dp.Mode(name="m", frequency=25.0, mass=0.04, damping={key: 1.0})
-
-
 def test_states_are_read_once_whatever_holds_them(monkeypatch):
     """An iterator of states is no empty list of them."""
     seen = []
@@ -234,40 +248,6 @@ def test_states_are_read_once_whatever_holds_them(monkeypatch):
         with pytest.raises(ZeroDivisionError):
             dp.diagnose(record, mode, states=states)
     assert [list(states) for states in seen] == [[(record, mode)]] * 2
-    with pytest.raises(dp.InputError, match="states are no pairs"):
-        dp.diagnose(record, mode, states=3)
-
-
-@pytest.mark.parametrize(("simulate", "said"), [(max, "tells no parameters"), (3, "is of type int")])
-def test_a_simulator_is_a_function_with_parameters(simulate, said):
-    with pytest.raises(dp.InputError, match=f"the simulator {said}; expected a function of force, frequency"):
-        dp.diagnose(dp.Record(TABLE), MODE, simulate=simulate)
-
-
-def test_forces_of_a_sweep_are_numbers():
-    with pytest.raises(dp.InputError, match=r"force \[2.0, 3.0\]; expected positive numbers"):
-        dp.sweep(dp.Mode(name="m", frequency=25.0, mass=0.04), force=[[2.0, 3.0]], frequency=[24.0, 26.0])
-
-
-def test_where_a_record_is_from():
-    assert dp.Record(TABLE, Path("a/b.csv")) == dp.Record(TABLE, "a/b.csv")
-    for source in (None, 3):
-        with pytest.raises(dp.InputError, match="source is of type"):
-            dp.Record(TABLE, source)
-
-
-@pytest.mark.parametrize(
-    ("changed", "said"),
-    [
-        ({"source": 3}, "source is of type int; expected str"),
-        ({"response": 3}, "response is of type int; expected str"),
-        ({"terms": [3]}, "terms is of type list; expected a text, or a list of terms"),
-        ({"frame": pd.DataFrame()}, "no column 'amplitude'; expected a table with columns"),
-    ],
-)
-def test_arguments_of_a_regression(changed, said):
-    with pytest.raises(dp.InputError, match=said):
-        dp.regress(**{"frame": TABLE, "response": "amplitude", "terms": "force", **changed})
 
 
 def test_a_raw_table_is_checked_like_a_file():
@@ -275,9 +255,8 @@ def test_a_raw_table_is_checked_like_a_file():
     folder = data_folder() / "saturn-v"
     raw, config = pd.read_csv(folder / "raw" / "config-1-mode-2.csv"), folder / "condition.toml"
     asked, texts = dp.condition(raw, config).table, dp.condition(raw.astype(str), config).table
-    np.testing.assert_allclose(
-        texts.drop(columns=["sweep", "point"]), asked.drop(columns=["sweep", "point"]), rtol=1e-12
-    )
+    expected = asked.drop(columns=["sweep", "point"])
+    np.testing.assert_allclose(texts.drop(columns=["sweep", "point"]), expected, rtol=1e-12)
     with pytest.raises(dp.InputError, match="no data rows"):
         dp.condition(raw.iloc[:0], config)
 
@@ -303,7 +282,6 @@ def test_a_time_of_day_is_told_what_is_expected(tmp_path):
     stamped = TABLE.assign(time=[f"10:00:{k:02d}.000" for k in range(5)])
     stamped.to_csv(file := tmp_path / "record.csv", index=False)
     for read in (lambda: dp.Record(stamped), lambda: dp.read_record(file)):
-        with pytest.raises(
-            dp.InputError, match=r"'10:00:00.000' .*; expected a finite number: s since any moment, not"
-        ):
+        said = r"'10:00:00.000' .*; expected a finite number: s since any moment, not"
+        with pytest.raises(dp.InputError, match=said):
             read()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import h5py
 import numpy as np
 import pytest
 
@@ -12,6 +11,7 @@ from damping.campaign.runs import ChannelCorrection, Corrections
 from damping.campaign.sensors import describe_shares, find_bad_sensors
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
+from tests.campaign.spectra import write_spectra
 
 G = 9.80665
 RMS = 0.5**0.5
@@ -30,16 +30,12 @@ def shaken(path, factors, axes=(1.0, 1.0, 1.0, 1.0), unit="g", first=25.0, drive
     for k, hertz in enumerate(HERTZ):
         w_n = 2 * np.pi * hertz
         motion += PART[:, k : k + 1] * w**2 / (w_n**2 - w**2 + 2j * RATIO * w_n * w)
-    with h5py.File(path, "w") as file:
-        for seed, level in enumerate(LEVELS[:levels]):
-            run = file.create_group(f"run_{level}g")
-            run["frequency"], run["control"] = f, np.full(len(f), drive * level, complex)
-            run["control"].attrs["units"] = "g"
-            read = level * motion * (1 + 0.005 * np.random.default_rng(seed).normal(size=motion.shape))
-            for s, factor in enumerate(factors):
-                run[f"acc{s}"] = factor * read[s] * (G if unit == "m/s^2" else 1.0)
-                run[f"acc{s}"].attrs["units"] = unit
-    return path, np.max(np.abs(motion[:, np.abs(f - HERTZ[0]) < 2.0]), axis=1, initial=0.0)
+    runs = {}
+    for seed, level in enumerate(LEVELS[:levels]):
+        read = level * motion * (1 + 0.005 * np.random.default_rng(seed).normal(size=motion.shape))
+        read = read[: len(factors)] * np.array(factors)[:, np.newaxis] * (G if unit == "m/s^2" else 1.0)
+        runs[f"run_{level}g"] = {"control": (drive * level, "g")} | {f"acc{s}": (x, unit) for s, x in enumerate(read)}
+    return write_spectra(path, f, runs), np.max(np.abs(motion[:, np.abs(f - HERTZ[0]) < 2.0]), axis=1, initial=0.0)
 
 
 @pytest.mark.parametrize(

@@ -49,6 +49,8 @@ from damping_pipelines.campaign_page import describe_answer, tabulate_damping, t
 from damping_pipelines.manifest import digest, verify
 from damping_pipelines.study_files import read_settings
 from tests.campaign.linear import accelerate
+from tests.campaign.spectra import data_set, write_shaken, write_spectra
+from tests.files import write_csv, write_hdf5
 
 G = 9.80665
 #: (Hz, damping ratio at rest, growth with amplitude in 1/m, participation).
@@ -86,42 +88,35 @@ def measured(level: float, rng: np.random.Generator) -> np.ndarray:
     return found + (noise[0] + 1j * noise[1]) * np.hypot(0.005 * np.abs(found), 0.0005)
 
 
-def written(path: Path, kind: str) -> Path:
+def written(path: Path, kind: str = "hdf5") -> Path:
     rng = np.random.default_rng(8)
+    readings = {level: measured(level, rng) for level in LEVELS}
     if kind == "hdf5":
-        with h5py.File(path, "w") as file:
-            for level in LEVELS:
-                group = file.create_group(f"run_{level}g")
-                group["frequency"], group["control"] = FREQUENCY, np.full(len(FREQUENCY), level, complex)
-                group["accelerations"] = measured(level, rng)
-                group["accelerations"].attrs["units"] = "g"
-        return path
-    ratio = kind == "ratio"
+        return write_shaken(path, FREQUENCY, readings)
     sets = []
-    for level in LEVELS:
-        readings = measured(level, rng) / (level if ratio else 1.0)
-        if not ratio:
-            # as some programs write: SI values under a label of g
-            sets.append(data_set(f"{level} g control", 1, np.full(len(FREQUENCY), level * G, complex), ratio))
-        sets += [
-            data_set(f"{level} g acc {s}", 10 + s, row * (1.0 if ratio else G), ratio) for s, row in enumerate(readings)
-        ]
+    for level, rows in readings.items():
+        names = [f"{level} g acc {s}" for s in range(len(rows))]
+        if kind == "ratio":
+            sets += [
+                of_sensor(name, row / level, 10 + s) for s, (name, row) in enumerate(zip(names, rows, strict=True))
+            ]
+        else:  # as some programs write: SI values under a label of g
+            drive = np.full(len(FREQUENCY), level, complex)
+            sets += [
+                spectrum(name, G * row, k)
+                for k, (name, row) in enumerate(zip([f"{level} g control", *names], [drive, *rows], strict=True))
+            ]
     path.write_text("".join(sets))
     return path
 
 
-def data_set(
-    title: str, node: int, values: np.ndarray, ratio: bool, note: str = "NONE", second: str = "NONE", entity: str = "SC"
-) -> str:
-    """A data set 58 of text, double precision, uneven spacing (the format's description, I-DEAS)."""
-    per = (12, "g") if ratio else (0, "NONE")
-    lines = ["    -1", "    58", title, second, "NONE", note, "NONE"]
-    lines.append(f"{4 if ratio else 12:5d}{0:10d}{0:5d}{0:10d} {entity:>10s}{node:10d}{3:4d} {'SC':>10s}{1:10d}{3:4d}")
-    lines.append(f"{6:10d}{len(values):10d}{0:10d}{0.0:13.5e}{0.0:13.5e}{0.0:13.5e}")
-    for code, name, unit in ((18, "f", "Hz"), (12, "y", "g"), (per[0], "NONE", per[1]), (0, "NONE", "NONE")):
-        lines.append(f"{code:10d}{0:5d}{0:5d}{0:5d} {name:20s} {unit:20s}")
-    lines += [f"{f:13.5e}{v.real:20.11e}{v.imag:20.11e}" for f, v in zip(FREQUENCY, values, strict=True)]
-    return "\n".join([*lines, "    -1", ""])
+def of_sensor(title: str, values: np.ndarray, node: int, *further: str, entity: str = "SC") -> str:
+    """A frequency response in g/g."""
+    return data_set(title, FREQUENCY, values, *further, function=4, node=node, entity=entity, per=(12, "g"))
+
+
+def spectrum(title: str, values: np.ndarray, node: int, *further: str) -> str:
+    return data_set(title, FREQUENCY, values, *further, node=node)
 
 
 @pytest.mark.parametrize(("kind", "name"), [("spectra", "a.uff"), ("ratio", "b.uff"), ("hdf5", "c.h5")])
@@ -142,7 +137,7 @@ def test_modes_residues_and_bad_sensors_are_found(tmp_path, kind, name):
 @pytest.mark.parametrize(("changed", "gain"), [(None, 1.0), (0, 1.05), (1, 1.25), (2, 0.7)])
 def test_a_gain_that_changes_at_one_level_is_of_its_sensor(tmp_path, changed, gain):
     """Found from 10 % on; the residues of the others stay what they are."""
-    path = written(tmp_path / "c.h5", "hdf5")
+    path = written(tmp_path / "c.h5")
     with h5py.File(path, "r+") as file:
         readings = file["run_0.4g"]["accelerations"]
         if changed is not None:
@@ -162,7 +157,7 @@ def test_a_gain_that_changes_at_one_level_is_of_its_sensor(tmp_path, changed, ga
 
 def test_of_two_runs_neither_is_the_one_with_the_right_gain(tmp_path):
     """A sensor of 1.25 times the gain in the upper run reads 1.25 times there, or 1/1.25 in the lower: that is told."""
-    path = written(tmp_path / "c.h5", "hdf5")
+    path = written(tmp_path / "c.h5")
     with h5py.File(path, "r+") as file:
         del file["run_0.2g"]
         readings = file["run_0.4g"]["accelerations"]
@@ -175,10 +170,9 @@ def test_of_two_runs_neither_is_the_one_with_the_right_gain(tmp_path):
 
 def test_the_word_for_a_level_is_no_part_of_a_name(tmp_path):
     """'Level 0.1 g, response 1': the sensor is 'response 1', a ratio in its unit over that of the drive."""
-    sets = [
-        data_set(f"Level 0.1 g, response {s + 1}", 11 + s, row, True) for s, row in enumerate(motion(0.1, FREQUENCY))
-    ]
-    (tmp_path / "a.uff").write_text("".join(sets[:2]))
+    rows = enumerate(motion(0.1, FREQUENCY)[:2])
+    sets = [of_sensor(f"Level 0.1 g, response {s + 1}", row, 11 + s) for s, row in rows]
+    (tmp_path / "a.uff").write_text("".join(sets))
     (run,), summary = read_runs([tmp_path / "a.uff"], 10 * SIZE)
     assert run.names == ["response 1", "response 2"]
     assert run.level == 0.1
@@ -191,7 +185,7 @@ def test_functions_of_one_title_are_sensors_by_their_points(tmp_path, title):
     """Each (node, direction) is a sensor of its own over the levels; equal points are refused."""
     rows = {level: motion(level, FREQUENCY)[:3] for level in LEVELS}
     for level, values in rows.items():
-        sets = [data_set(title.format(level), 11 + s, row, True) for s, row in enumerate(values)]
+        sets = [of_sensor(title.format(level), row, 11 + s) for s, row in enumerate(values)]
         (tmp_path / f"{level}.uff").write_text("".join(sets))
     runs, _ = read_runs([tmp_path / f"{level}.uff" for level in LEVELS], 10 * SIZE)
     for run, level in zip(runs, LEVELS, strict=True):
@@ -199,7 +193,7 @@ def test_functions_of_one_title_are_sensors_by_their_points(tmp_path, title):
         for channel, row in zip(run.channels, rows[level], strict=True):
             np.testing.assert_allclose(channel.samples, row, rtol=1e-10)  # eleven digits are written
     with (tmp_path / "0.2.uff").open("a") as file:
-        file.write(data_set(title.format(0.2), 12, rows[0.2][2], True))
+        file.write(of_sensor(title.format(0.2), rows[0.2][2], 12))
     with pytest.raises(InputError, match=r"'0.2 g' has 2 sensors 'node 12 \+Z'"):
         read_runs([tmp_path / "0.2.uff"], 10 * SIZE)
 
@@ -216,7 +210,7 @@ def test_functions_of_one_title_are_named_by_a_line_that_tells_them_apart(tmp_pa
     """The second ID line, else the entity of the response; either must name every sensor."""
     rows = motion(0.2, FREQUENCY)
     of = zip(seconds, entities, strict=True)
-    sets = [data_set("0.2 g FRF", 11 + s, rows[s], True, second=a, entity=b) for s, (a, b) in enumerate(of)]
+    sets = [of_sensor("0.2 g FRF", rows[s], 11 + s, a, entity=b) for s, (a, b) in enumerate(of)]
     (tmp_path / "a.uff").write_text("".join(sets))
     assert read_runs([tmp_path / "a.uff"], 10 * SIZE)[0][0].names == names
 
@@ -227,11 +221,11 @@ def test_levels_in_a_further_id_line_tell_runs_apart(tmp_path, ratio, note):
     """The first ID line is the sensor's name in every run; level and readings are those of each."""
     sets = []
     for level in LEVELS:
-        said = note.format(level)
+        further = ("NONE", "NONE", note.format(level))
         if not ratio:
-            sets.append(data_set("control", 1, np.full(len(FREQUENCY), level, complex), False, said))
+            sets.append(spectrum("control", np.full(len(FREQUENCY), level, complex), 1, *further))
         rows = motion(level, FREQUENCY)[:2] / (level if ratio else 1.0)
-        sets += [data_set(f"acc {s}", 10 + s, row, ratio, said) for s, row in enumerate(rows)]
+        sets += [(of_sensor if ratio else spectrum)(f"acc {s}", row, 10 + s, *further) for s, row in enumerate(rows)]
     (tmp_path / "a.uff").write_text("".join(sets))
     runs, _ = read_runs([tmp_path / "a.uff"], 10 * SIZE)
     assert [run.level for run in runs] == list(LEVELS)
@@ -244,7 +238,7 @@ def test_a_range_in_a_further_id_line_is_no_level(tmp_path):
     """Sensors of 50 g and 10 g in one run; runs that nothing tells apart ask for the level."""
     rows = [np.full(len(FREQUENCY), 0.2, complex), *motion(0.2, FREQUENCY)[:2]]
     said = zip(("control", "acc 0", "acc 1"), rows, ("10 g", "50 g", "10 g"), strict=True)
-    text = "".join(data_set(name, 1 + k, row, False, note) for k, (name, row, note) in enumerate(said))
+    text = "".join(spectrum(name, row, 1 + k, "NONE", note) for k, (name, row, note) in enumerate(said))
     (tmp_path / "a.uff").write_text(text)
     (run,), _ = read_runs([tmp_path / "a.uff"], 10 * SIZE)
     assert (run.level, run.names) == (pytest.approx(0.2), ["acc 0", "acc 1"])
@@ -257,7 +251,7 @@ def test_a_range_in_a_further_id_line_is_no_level(tmp_path):
 @pytest.mark.parametrize(("level", "taken"), [("1.96133 m/s^2", 0.2), ("0.2 N", None)])
 def test_the_level_of_a_ratio_is_one_of_its_drive(tmp_path, level, taken):
     """Ratios to g: a level in m/s^2 is 1/9.80665 of it in g, and one in N is none."""
-    (tmp_path / "a.uff").write_text(data_set(f"{level} tip", 11, motion(0.2, FREQUENCY)[0] / 0.2, True))
+    (tmp_path / "a.uff").write_text(of_sensor(f"{level} tip", motion(0.2, FREQUENCY)[0] / 0.2, 11))
     if taken is None:
         with pytest.raises(InputError, match=r"without a level; expected that of the drive \(in g\)"):
             read_runs([tmp_path / "a.uff"], 10 * SIZE)
@@ -274,17 +268,12 @@ def test_scalings_in_id_lines_are_words_of_any_header(tmp_path):
 
 def test_several_forces_are_not_averaged(tmp_path):
     """Two drives at once are named, in either kind of file."""
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        run = file.create_group("run_1N")
-        run["frequency"] = FREQUENCY
-        for name in ("force_1", "force_2", "tip"):
-            run[name] = np.ones(len(FREQUENCY), complex)
+    path = write_spectra(tmp_path / "a.h5", FREQUENCY, {"run_1N": {"force_1": 1.0, "force_2": 1.0, "tip": 1.0}})
     with pytest.raises(InputError, match=r"run_1N: 2 drives, force_1, force_2; expected one force"):
-        read_runs([tmp_path / "a.h5"], 10 * SIZE)
-    row, force = motion(0.2, FREQUENCY)[0], f"{13:10d}{0:5d}{0:5d}{0:5d} y"
-    sets = [data_set(f"{name} 2 N", k, row, False) for k, name in enumerate(("left", "right", "tip"))]
-    text = "".join(part.replace(f"{12:10d}{force[10:]}", force) for part in sets[:2]) + sets[2]
-    (tmp_path / "a.uff").write_text(text)
+        read_runs([path], 10 * SIZE)
+    row = motion(0.2, FREQUENCY)[0]
+    forces = [data_set(f"{name} 2 N", FREQUENCY, row, ordinate=(13, "N")) for name in ("left", "right")]
+    (tmp_path / "a.uff").write_text("".join([*forces, spectrum("tip 2 N", row, 2)]))
     with pytest.raises(InputError, match=r"2 N: 2 drives, left, right; expected one force"):
         read_runs([tmp_path / "a.uff"], 10 * SIZE)
 
@@ -292,7 +281,7 @@ def test_several_forces_are_not_averaged(tmp_path):
 @pytest.mark.parametrize(("note", "said"), [("RMS spectrum", "rms"), ("peak-to-peak", "peak-to-peak"), ("peak", None)])
 def test_a_scaling_in_the_id_lines_is_said(tmp_path, note, said):
     rows = {"control": np.full(len(FREQUENCY), 0.2, complex), "acc": motion(0.2, FREQUENCY)[0]}
-    sets = [data_set(f"0.2 g {name}", k, row, False, note) for k, (name, row) in enumerate(rows.items())]
+    sets = [spectrum(f"0.2 g {name}", row, k, note) for k, (name, row) in enumerate(rows.items())]
     (tmp_path / "a.uff").write_text("".join(sets))
     cautions = [text for text in read_runs([tmp_path / "a.uff"], 10 * SIZE)[1].notes if "caution" in text]
     assert len(cautions) == (said is not None)
@@ -303,7 +292,7 @@ def test_a_scaling_in_the_id_lines_is_said(tmp_path, note, said):
 def test_the_command_predicts_every_sensor(tmp_path, damping, no_drawing, tried, request):
     request.getfixturevalue(tried)
     out = tmp_path / "out"
-    run = damping("campaign", written(tmp_path / "c.h5", "hdf5"), "--out", out, "--design", 0.8)
+    run = damping("campaign", written(tmp_path / "c.h5"), "--out", out, "--design", 0.8)
     assert run.code == 0
     assert "±: standard error. low to high: 90 % band" in run.out
     assert "peak of the sensor that moves most" in run.out
@@ -336,7 +325,7 @@ def test_the_command_predicts_every_sensor(tmp_path, damping, no_drawing, tried,
 def test_page_terminal_and_study_say_what_was_asked(tmp_path, damping, monkeypatch, few_laws):
     """80 columns: each row with its level and whole; the page with limits, every level, the law of a ranking."""
     monkeypatch.setenv("COLUMNS", "80")
-    out, source = tmp_path / "out", written(tmp_path / "c.h5", "hdf5")
+    out, source = tmp_path / "out", written(tmp_path / "c.h5")
     run = damping("campaign", source, "--out", out, "--design", 0.8, "--limit", "accelerations[0]=8", "--quiet")
     table = run.out.split("modes of the campaign")[-1]
     rows = [line.split() for line in table.splitlines() if line.startswith("mode-1 ") and line.split()[-1] != "-"]
@@ -404,10 +393,16 @@ def test_decays_of_several_floors_give_modes_and_shapes(tmp_path):
     np.testing.assert_allclose(np.abs(modes[1].shape) / 1.0, np.array([0.9, 0.8, 0.9]) / 0.9, atol=0.03)
 
 
+HEADER = "time [s],force [N],a [m/s^2]\n"
+
+
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
         ("a,b\n1,2\n", "a column of time"),
+        (HEADER + "".join(f"{k / 100},1,x\n" for k in range(50)), "numbers in every row from line 2 on"),
+        (HEADER + "".join(f"{(k / 100) ** 2},1,2\n" for k in range(50)), "not evenly spaced"),
+        ("time [s],tip [m]\n" + "".join(f"{k / 100},{(-1) ** k}\n" for k in range(5)), "no mode"),
         ("frequency,force,amplitude\n1,1,1\n2,1,1\n", "'amplitude' has no phase; expected a column amplitude phase"),
         ("time [s],tip [m]\n0,1\n", "1 sample from 0 to 0 s; expected two samples or more, at rising times"),
         ("time [s],tip [m]\n2,1\n1,2\n", "2 samples from 2 to 1 s; expected two samples or more, at rising times"),
@@ -417,7 +412,7 @@ def test_decays_of_several_floors_give_modes_and_shapes(tmp_path):
 def test_what_is_no_campaign_says_what_is_expected(tmp_path, content, expected):
     path = tmp_path / "a.csv"
     path.write_text(content)
-    with pytest.raises(InputError, match=expected):
+    with pytest.raises((InputError, AnalysisError), match=expected):
         analyse([path])
 
 
@@ -428,7 +423,7 @@ def corrected(path: Path, text: str) -> Path:
 
 def test_what_was_found_can_be_corrected(tmp_path):
     """A level, a reversed and a dead sensor, a unit: the table shows the names by which they are stated."""
-    source = written(tmp_path / "c.h5", "hdf5")
+    source = written(tmp_path / "c.h5")
     plain, summary = read_runs([source], 10 * SIZE)
     shown = [what for what, _, _ in summary.rows]
     assert {"run 'run_0.2g'", f"channel 'accelerations[{REVERSED}]'"} <= set(shown)
@@ -512,10 +507,8 @@ def test_page_of_decays_names_no_input(tmp_path, damping, few_laws, no_drawing):
     """Levels of one mode are no levels of the other, and names of runs are those of the files."""
     files = [decayed(tmp_path / f"d_{k}.csv", start) for k, start in enumerate((0.005, 0.02))]
     run = damping("campaign", *files, "--out", tmp_path / "out", "--quiet")
-    form, page = (
-        json.loads((tmp_path / "out" / "campaign.json").read_text()),
-        (tmp_path / "out" / "report.html").read_text(),
-    )
+    form = json.loads((tmp_path / "out" / "campaign.json").read_text())
+    page = (tmp_path / "out" / "report.html").read_text()
     assert "peak of the sensor" not in run.out  # it is the level
     assert len(form["levels"]) > 2
     assert f"{len(form['modes'])} modes at 2 levels." in page
@@ -538,29 +531,17 @@ def test_times_of_a_group_have_their_unit(tmp_path, unit, per_second):
     """A sine swept from 20 to 40 Hz in 10 s; times in ms were taken for seconds."""
     t = np.arange(20_000) / 2000.0
     phase = 2.0 * np.pi * (20.0 * t + t**2)
-    columns = {
-        "time": (per_second * t, unit),
-        "force": (np.sin(phase), "N"),
-        "tip": (2.0 * np.sin(phase - 0.3), "m/s^2"),
-    }
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        run = file.create_group("run_1N")
-        for name, (values, text) in columns.items():
-            run[name] = values
-            run[name].attrs["units"] = text
-    (run,), _ = read_runs([tmp_path / "a.h5"], 10 * SIZE)
+    columns = {"force": (np.sin(phase), "N"), "tip": (2.0 * np.sin(phase - 0.3), "m/s^2")}
+    path = write_hdf5(tmp_path / "a.h5", {"run_1N": {"time": (per_second * t, unit)} | columns})
+    (run,), _ = read_runs([path], 10 * SIZE)
     assert 20.0 < run.x[0] < 21.0  # the first and the last rows are averages over some periods
     assert 39.0 < run.x[-1] < 40.0
 
 
 def test_several_control_channels_are_averaged_or_the_largest_is_taken(tmp_path):
-    path = tmp_path / "c.h5"
-    with h5py.File(path, "w") as file:
-        group = file.create_group("run_0.1g")
-        group["frequency"] = FREQUENCY
-        group["control"] = np.outer([0.09, -0.11], np.ones(len(FREQUENCY))).astype(complex)
-        group["accelerations"] = motion(0.1, FREQUENCY)
-        group["accelerations"].attrs["units"] = "g"
+    control = np.outer([0.09, -0.11], np.ones(len(FREQUENCY))).astype(complex)
+    columns = {"control": control, "accelerations": (motion(0.1, FREQUENCY), "g")}
+    path = write_spectra(tmp_path / "c.h5", FREQUENCY, {"run_0.1g": columns})
     largest = read_corrections(corrected(tmp_path / "c.toml", '[drive]\ncontrol = "maximum"\n'))
     np.testing.assert_allclose(np.abs(read_runs([path], SIZE)[0][0].drive), 0.01, rtol=1e-12)
     np.testing.assert_allclose(np.abs(read_runs([path], SIZE, largest)[0][0].drive), 0.11, rtol=1e-12)
@@ -581,16 +562,15 @@ def test_several_control_channels_are_averaged_or_the_largest_is_taken(tmp_path)
     ],
 )
 def test_corrections_of_what_is_not_there(tmp_path, text, message):
-    source = written(tmp_path / "c.h5", "hdf5")
+    source = written(tmp_path / "c.h5")
     with pytest.raises(InputError, match=message):
         read_runs([source], 10 * SIZE, read_corrections(corrected(tmp_path / "c.toml", text)))
 
 
 def test_a_design_input_over_frequency():
     curve = DesignLevel(np.array([20.0, 40.0, 80.0]), np.array([1.0, 4.0, 1.0]))
-    np.testing.assert_allclose(
-        [curve.at(f) for f in (10.0, 40.0, 40.0 * 2**0.5, 200.0)], [1.0, 4.0, 2.0, 1.0], rtol=1e-12
-    )
+    expected = [1.0, 4.0, 2.0, 1.0]
+    np.testing.assert_allclose([curve.at(f) for f in (10.0, 40.0, 40.0 * 2**0.5, 200.0)], expected, rtol=1e-12)
     assert DesignLevel.flat(8.0).at(55.0) == 8.0  # the level that was asked for, to the last digit
     with pytest.raises(InputError, match="no level"):
         DesignLevel(np.array([2.0, 1.0]), np.array([1.0, 1.0]))
@@ -703,22 +683,6 @@ def test_a_group_of_a_tdms_file_is_read_without_the_others(tmp_path, monkeypatch
     assert all(len(groups) <= 1 for groups in runs)
 
 
-def test_broken_tables_of_time(tmp_path):
-    path = tmp_path / "a.csv"
-    path.write_text("time [s],force [N],a [m/s^2]\n" + "".join(f"{k / 100},1,x\n" for k in range(50)))
-    with pytest.raises(InputError, match="numbers in every row from line 2 on"):
-        read_runs([path], SIZE)
-    path.write_text("time [s],force [N],a [m/s^2]\n" + "".join(f"{(k / 100) ** 2},1,2\n" for k in range(50)))
-    with pytest.raises(InputError, match="not evenly spaced"):
-        read_runs([path], SIZE)
-
-
-def test_a_decay_of_a_few_samples_shows_no_mode(tmp_path):
-    (tmp_path / "a.csv").write_text("time [s],tip [m]\n" + "".join(f"{k / 100},{(-1) ** k}\n" for k in range(5)))
-    with pytest.raises(AnalysisError, match="no mode"):
-        analyse([tmp_path / "a.csv"])
-
-
 def test_rows_at_one_frequency_show_no_mode(tmp_path):
     """Where the user named a mode, they gave its damping to 5 %, by nothing but their scatter."""
     rows = "".join(f"5,1,{1.0 + 0.01 * np.sin(k)},{k}\n" for k in range(40))
@@ -737,21 +701,13 @@ def test_rows_at_one_frequency_show_no_mode(tmp_path):
 )
 def test_times_of_functions_are_even(tmp_path, gap, rows, said):
     """Under a drive, as in tables and groups: steps of their mean gave frequencies of their own."""
-    t, lines = np.arange(rows) / 100, []
+    t = np.arange(rows) / 100
     t[200:] += gap
-    for name, code, unit in (("force", 13, "N"), ("tip", 12, "m/s^2")):
-        lines += ["    -1", "    58", name, *["NONE"] * 4]
-        lines.append(f"{1:5d}{0:10d}{0:5d}{0:10d} {'NONE':10s}{1:10d}{3:4d} {'NONE':10s}{0:10d}{0:4d}")
-        lines.append(f"{2:10d}{rows:10d}{0:10d}{0.0:13.5e}{0.0:13.5e}{0.0:13.5e}")
-        axes = ((17, "time", "s"), (code, name, unit), (0, "NONE", "NONE"), (0, "NONE", "NONE"))
-        lines += [f"{of:10d}{0:5d}{0:5d}{0:5d} {what:20s} {label:20s}" for of, what, label in axes]
-        lines += [*(f"{at:13.5e}{1.0:13.5e}" for at in t), "    -1"]
-    (tmp_path / "a.uff").write_text("\n".join([*lines, ""]))
+    kinds = {"force": (13, "N"), "tip": (12, "m/s^2")}
+    sets = [data_set(name, t, np.ones(rows), function=1, abscissa=(17, "s"), ordinate=of) for name, of in kinds.items()]
+    (tmp_path / "a.uff").write_text("".join(sets))
     with pytest.raises((InputError, AnalysisError), match=said):
         read_runs([tmp_path / "a.uff"], SIZE)
-
-
-HEADER = "time [s],force [N],a [m/s^2]\n"
 
 
 def table_of_time(path: Path, times: np.ndarray, drive: np.ndarray) -> Path:
@@ -794,7 +750,7 @@ def test_a_gap_in_a_decay_is_named(tmp_path):
     ("name", "said"), [("accelerations", r"'accelerations\[2\]'"), ("control", "drive of run_0.2g")]
 )
 def test_spectra_that_hold_no_number(tmp_path, name, said):
-    path = written(tmp_path / "c.h5", "hdf5")
+    path = written(tmp_path / "c.h5")
     with h5py.File(path, "r+") as file:
         values = file["run_0.2g"][name]
         values[(2, 77) if name == "accelerations" else 77] = np.nan
@@ -842,9 +798,8 @@ def test_a_pipe_is_not_waited_for(tmp_path):
 
 def test_a_file_that_claims_more_than_it_holds_is_refused(tmp_path):
     """A few kilobytes with arrays of 72 GB that were never written, drawn out to 300 GB by a hole."""
-    path = tmp_path / "a.h5"
-    with h5py.File(path, "w") as file:
-        file["time"] = np.arange(2000) / 200
+    path = write_hdf5(tmp_path / "a.h5", {"time": np.arange(2000) / 200})
+    with h5py.File(path, "a") as file:
         for name in ("control", "a"):
             file.create_dataset(name, (100_000, 90_000), dtype="f8", chunks=(1000, 1000))
     os.truncate(path, 300 * 10**9)
@@ -915,15 +870,11 @@ def test_what_free_decays_have_not_is_refused(tmp_path, options, message):
 def test_levels_in_another_unit_are_refused_before_the_work(tmp_path, monkeypatch):
     """A level in N, earlier or to be designed for, says nothing of a drive in m/s^2; one in m/s2 does."""
     monkeypatch.setattr("damping.campaign.fit_right_levels", lambda *_: pytest.fail("analysed"))
-    with h5py.File(tmp_path / "sine.h5", "w") as file:
-        for name, value in (("frequency", np.arange(5.0, 35.0)), ("control", np.ones(30)), ("tip", np.ones(30) + 1.0j)):
-            file[name] = value
-            file[name].attrs["units"] = "Hz" if name == "frequency" else "m/s^2"
+    contents = {"control": (np.ones(30), "m/s^2"), "tip": (np.ones(30) + 1.0j, "m/s^2")}
+    write_hdf5(tmp_path / "sine.h5", {"frequency": (np.arange(5.0, 35.0), "Hz")} | contents)
     peak = {"sensor": "tip", "unit": "m/s^2", "median": 1.0, "low": 0.9, "high": 1.1}
-    form = {
-        "format": "campaign/1",
-        "modes": [{"name": "a", "frequency": 20.0, "at": [{"level": 1.0, "response": [peak]}]}],
-    }
+    mode = {"name": "a", "frequency": 20.0, "at": [{"level": 1.0, "response": [peak]}]}
+    form = {"format": "campaign/1", "modes": [mode]}
     for stated, error, said in (
         ({"level_unit": "N"}, InputError, r"levels in N of --previous, in m/s\^2 of these files; expected levels"),
         ({"level_unit": "m/s2"}, pytest.fail.Exception, "analysed"),
@@ -1066,13 +1017,9 @@ def test_a_mode_that_moves_away_at_one_level_is_named(tmp_path, few_laws):
         modes = [g * f**2 / (at**2 - f**2 + 2j * z * at * f) for at, z, g in ((first, 0.012, 1.3), (58.0, 0.012, -0.5))]
         return (1.0 + sum(modes)) * (1.0 + 0.004 * rng.normal(size=len(f)))
 
-    with h5py.File(tmp_path / "sine.h5", "w") as file:
-        for level, first in ((0.1, 32.0), (0.2, 32.0), (0.4, 32.0), (0.8, 29.5)):
-            run = file.create_group(f"run_{level}g")
-            run["frequency"], run["control"] = f, np.full(len(f), level, dtype=complex)
-            run["tip"] = level * reading(first)
-            run["tip"].attrs["units"] = run["control"].attrs["units"] = "g"
-    found = analyse([tmp_path / "sine.h5"])
+    levels = {0.1: 32.0, 0.2: 32.0, 0.4: 32.0, 0.8: 29.5}
+    runs = {f"run_{x}g": {"control": (x, "g"), "tip": (x * reading(first), "g")} for x, first in levels.items()}
+    found = analyse([write_spectra(tmp_path / "sine.h5", f, runs)])
     assert [round(mode.frequency) for mode in found.modes] == [58]
     (note,) = (note for note in found.summary.notes if "left out" in note)
     assert note.startswith("the mode near 32 Hz is left out, because its levels do not agree (32 Hz at 0.1 g")
@@ -1082,13 +1029,10 @@ def test_a_mode_that_only_sensors_left_out_show_is_named(tmp_path):
     """Of one level nobody can say that its levels do not agree."""
     rng, f = np.random.default_rng(8), np.linspace(22.0, 80.0, 350)
     first, second = (f**2 / (at**2 - f**2 + 2j * 0.012 * at * f) for at in (32.0, 58.0))
-    with h5py.File(tmp_path / "sine.h5", "w") as file:
-        run = file.create_group("run_0.1g")
-        run["frequency"], run["control"] = f, np.full(len(f), 0.1, dtype=complex)
-        for name, motion in (("tip", 1.0 + second), ("mid", 1.0 - 0.5 * second), ("back", -1.0 - first - 0.2 * second)):
-            run[name] = 0.1 * motion * (1.0 + 0.004 * rng.normal(size=len(f)))
-            run[name].attrs["units"] = run["control"].attrs["units"] = "g"
-    levels = fit_levels(read_runs([tmp_path / "sine.h5"], 10 * SIZE)[0])
+    motions = {"tip": 1.0 + second, "mid": 1.0 - 0.5 * second, "back": -1.0 - first - 0.2 * second}
+    read = {name: (0.1 * x * (1.0 + 0.004 * rng.normal(size=len(f))), "g") for name, x in motions.items()}
+    path = write_spectra(tmp_path / "sine.h5", f, {"run_0.1g": {"control": (0.1, "g")} | read})
+    levels = fit_levels(read_runs([path], 10 * SIZE)[0])
     tied = join_modes(levels)
     assert [round(mode.mode.frequency) for mode in tied] == [58]
     (note,) = describe_lost(levels, tied)
@@ -1098,13 +1042,9 @@ def test_a_mode_that_only_sensors_left_out_show_is_named(tmp_path):
 def test_a_mode_that_is_asked_for_and_not_there_is_named(tmp_path):
     """By the frequency that was asked for, wherever the fit went from it."""
     rng, f = np.random.default_rng(9), np.linspace(45.0, 75.0, 200)
-    with h5py.File(tmp_path / "sine.h5", "w") as file:
-        run = file.create_group("run_0.1g")
-        run["frequency"], run["control"] = f, np.full(len(f), 0.1, dtype=complex)
-        run["tip"] = 0.1 * (1.0 + f**2 / (58.0**2 - f**2 + 1.4j * f)) * (1.0 + 0.004 * rng.normal(size=len(f)))
-        for name in ("control", "tip"):
-            run[name].attrs["units"] = "g"
-    runs, asked = read_runs([tmp_path / "sine.h5"], 10 * SIZE)[0], (300.0, 58.0)
+    tip = 0.1 * (1.0 + f**2 / (58.0**2 - f**2 + 1.4j * f)) * (1.0 + 0.004 * rng.normal(size=len(f)))
+    path = write_spectra(tmp_path / "sine.h5", f, {"run_0.1g": {"control": (0.1, "g"), "tip": (tip, "g")}})
+    runs, asked = read_runs([path], 10 * SIZE)[0], (300.0, 58.0)
     levels = fit_levels(runs, asked)
     tied = join_modes(levels, asked=asked)
     assert [round(mode.mode.frequency) for mode in tied] == [58]
@@ -1113,14 +1053,14 @@ def test_a_mode_that_is_asked_for_and_not_there_is_named(tmp_path):
     with pytest.raises(AnalysisError, match=r"of the modes sought near 300 Hz none stands 8 standard .*: name others"):
         join_modes(fit_levels(runs, [300.0]), asked=[300.0])
     with pytest.raises(InputError, match=r"--modes 300: no run holds that frequency; expected 45 to 75 Hz"):
-        analyse([tmp_path / "sine.h5"], frequencies=asked)
+        analyse([path], frequencies=asked)
 
 
 def test_a_mode_with_less_than_a_window_in_every_decay_is_refused(tmp_path):
     """A window of six periods of 0.1 Hz takes 60 s, each decay 20 s."""
     t = np.arange(0.0, 20.0, 0.01)
     q = np.exp(-0.1 * t) * np.cos(2 * np.pi * 2.0 * t)
-    pd.DataFrame({"time [s]": t, "roof [m/s2]": q, "mid [m/s2]": 0.5 * q}).to_csv(tmp_path / "a.csv", index=False)
+    write_csv(tmp_path / "a.csv", {"time [s]": t, "roof [m/s2]": q, "mid [m/s2]": 0.5 * q})
     with pytest.raises(InputError, match=r"--modes 0\.1: no run holds that frequency; expected 0\.300\d Hz or more"):
         analyse([tmp_path / "a.csv"], frequencies=[0.1, 2.0])
 
@@ -1162,11 +1102,8 @@ def test_rows_beside_a_notch_are_fitted_at_their_own_input(tmp_path, few_laws):
     level = np.where(np.abs(FREQUENCY - 41.0) < 1.3, 0.1, 0.8)
     readings = np.where(level == 0.1, motion(0.1, FREQUENCY), motion(0.8, FREQUENCY))[:3]
     noise = np.random.default_rng(5).normal(size=(2, *readings.shape)) * 0.005 / 2**0.5
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        group = file.create_group("run_0.8g")
-        group["frequency"], group["control"] = FREQUENCY, level.astype(complex)
-        group["accelerations"] = readings * (1.0 + noise[0] + 1j * noise[1])
-        group["accelerations"].attrs["units"] = "g"
+    columns = {"control": level.astype(complex), "accelerations": (readings * (1.0 + noise[0] + 1j * noise[1]), "g")}
+    write_spectra(tmp_path / "a.h5", FREQUENCY, {"run_0.8g": columns})
     levels = fit_levels(read_runs([tmp_path / "a.h5"], 10 * SIZE)[0], [41.0, 44.3])
     fine = np.linspace(40.5, 41.5, 2001)
     base, (f_n, ratio, growth, part) = 0.1 * G, MODES[0]
@@ -1199,7 +1136,7 @@ def test_a_form_that_is_no_campaign(tmp_path, damping):
     ],
 )
 def test_limits_that_are_not_understood(tmp_path, damping, words, message):
-    source = written(tmp_path / "c.h5", "hdf5")
+    source = written(tmp_path / "c.h5")
     run = damping(
         "campaign", source, "--out", tmp_path / "out", *(part for word in words for part in ("--limit", word))
     )
@@ -1267,7 +1204,7 @@ def test_a_mode_that_the_audit_refuses(tmp_path, damping, monkeypatch, bare_mode
     record = Record(pd.DataFrame({**columns, "phase": np.angle(response)}), "mode-1")
     refused = replace(bare_mode(41.0, []), record=record)
     monkeypatch.setattr("damping_pipelines.campaign.analyse", lambda *_: Campaign((refused,), LEVELS, (0.8,), "g"))
-    run = damping("campaign", written(tmp_path / "c.h5", "hdf5"), "--out", tmp_path / "out")
+    run = damping("campaign", written(tmp_path / "c.h5"), "--out", tmp_path / "out")
     assert run.code == 1
     assert "mode-1: phase-sign (refuse)" in run.err
     assert not (tmp_path / "out").exists()
@@ -1376,7 +1313,7 @@ def test_messages_name_the_file_and_the_place(tmp_path, damping):
 )
 def test_the_sweep_rate_of_a_group_is_read(tmp_path, unit, factor):
     """One number for the run or one for each row; 1 oct/min is f ln 2/60 Hz/s. It is no sensor."""
-    file = written(tmp_path / "a.h5", "hdf5")
+    file = written(tmp_path / "a.h5")
     with h5py.File(file, "r+") as groups:
         for k, group in enumerate(groups.values()):
             group["sweep_rate"] = 0.5 if k else np.full(len(FREQUENCY), 0.5)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 
-import h5py
 import numpy as np
 import pytest
 
@@ -12,6 +11,7 @@ from damping.campaign import analyse
 from damping.campaign.delays import remove_delay
 from damping.campaign.records import fit_levels
 from damping.campaign.sources import read_runs
+from tests.campaign.spectra import write_shaken
 
 G, SIZE = 9.80665, 10_000_000
 FREQUENCY = np.geomspace(25.0, 60.0, 500)
@@ -36,15 +36,12 @@ def read(f, level, modes, shapes, delay):
 
 
 def write(path, rng, delay, modes=MODES, shapes=SHAPES, noise=0.005):
-    with h5py.File(path, "w") as file:
-        for level in LEVELS:
-            run = file.create_group(f"run_{level}g")
-            run["frequency"], run["control"] = FREQUENCY, np.full(len(FREQUENCY), level, complex)
-            motion = read(FREQUENCY, level, modes, shapes, delay)
-            both = rng.normal(size=(2, *motion.shape)) / 2**0.5
-            run["accelerations"] = motion * (1 + noise * (both[0] + 1j * both[1]))
-            run["accelerations"].attrs["units"] = "g"
-    return path
+    readings = {}
+    for level in LEVELS:
+        motion = read(FREQUENCY, level, modes, shapes, delay)
+        both = rng.normal(size=(2, *motion.shape)) / 2**0.5
+        readings[level] = motion * (1 + noise * (both[0] + 1j * both[1]))
+    return write_shaken(path, FREQUENCY, readings)
 
 
 @pytest.mark.parametrize("delay", [0.0, -5e-4, *(pytest.param(d, marks=pytest.mark.slow) for d in (5e-4, 2e-3))])

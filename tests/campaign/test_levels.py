@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from functools import cache
 
-import h5py
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -24,6 +23,7 @@ from damping.extrapolation.prepared import prepare_record
 from damping.formats.series import Summary
 from damping.records import audit
 from tests.campaign.linear import accelerate
+from tests.campaign.spectra import write_force_runs, write_shaken, write_spectra
 
 G = 9.80665
 M, HERTZ, ZETA, K3 = 40.0, 25.0, 0.008, 2e10
@@ -32,17 +32,6 @@ M, HERTZ, ZETA, K3 = 40.0, 25.0, 0.008, 2e10
 def write_columns(path, head, *columns):
     """A table with columns (n,), or several (m, n), under the names of ``head``."""
     np.savetxt(path, np.vstack(columns).T, delimiter=",", header=head, comments="", fmt="%.9g")
-    return path
-
-
-def write_levels(path, f, readings):
-    """Runs on a shaker: what sensors read in g, (sensors, n), by level."""
-    with h5py.File(path, "w") as file:
-        for level, read in readings.items():
-            run = file.create_group(f"run_{level}g")
-            run["frequency"], run["control"] = f, np.full(len(f), level, complex)
-            run["accelerations"] = read
-            run["accelerations"].attrs["units"] = "g"
     return path
 
 
@@ -141,7 +130,7 @@ def test_a_level_that_is_read_wrongly_is_named(tmp_path, few_draws):
         gains = {0.1: 1.0, 0.2: 1.0, 0.4: wrong, 0.8: 1.0}
         noise = 1 + 0.005 * rng.normal(size=(len(gains), 1, len(f)))
         read = {level: level * steady * gain * of for (level, gain), of in zip(gains.items(), noise, strict=True)}
-        answer = analyse([write_levels(tmp_path / f"{name}.h5", f, read)], [1.6])
+        answer = analyse([write_shaken(tmp_path / f"{name}.h5", f, read)], [1.6])
         for at in answer.modes[0].places:
             if at.tested:
                 factor = wrong if at.level == 0.4 else 1.0
@@ -156,13 +145,11 @@ def test_a_level_that_is_run_twice_is_two_sweeps(tmp_path, few_laws):
     f = np.geomspace(35.0, 46.0, 300)
     w, w_n, rng = 2 * np.pi * f, 2 * np.pi * 40.0, np.random.default_rng(4)
     steady = 1 + 1.2 * w**2 / (w_n**2 - w**2 + 0.02j * w_n * w)
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        for name, level in (("run_0.1g", 0.1), ("run_0.2g", 0.2), ("repeat_0.2g", 0.2), ("run_0.4g", 0.4)):
-            run = file.create_group(name)
-            run["frequency"], run["control"] = f, np.full(len(f), level, complex)
-            run["acceleration"] = level * steady * (1 + 0.005 * rng.normal(size=len(f)))
-            run["acceleration"].attrs["units"] = "g"
-    (mode,) = analyse([tmp_path / "a.h5"], [0.8]).modes
+    runs = {}
+    for name, level in (("run_0.1g", 0.1), ("run_0.2g", 0.2), ("repeat_0.2g", 0.2), ("run_0.4g", 0.4)):
+        read = level * steady * (1 + 0.005 * rng.normal(size=len(f)))
+        runs[name] = {"control": level, "acceleration": (read, "g")}
+    (mode,) = analyse([write_spectra(tmp_path / "a.h5", f, runs)], [0.8]).modes
     assert mode.record.sweeps == ("0.1 g", "0.2 g", "0.2 g (2)", "0.4 g")
     assert "mixed-levels" not in [finding.check for finding in mode.findings]
     for at in mode.places:  # 21 rows of 0.5 % a level: the ratio within 1 %, and its band holds it
@@ -254,7 +241,7 @@ def test_only_a_reversed_sensor_is_called_so(tmp_path, sign):
     assert np.all(np.sign(motion[1, f < 35.0].real) == sign)
     noise = {level: np.random.default_rng(k).normal(size=motion.shape) for k, level in enumerate((0.1, 0.2, 0.4))}
     read = {level: level * motion * (1 + 0.005 * own) for level, own in noise.items()}
-    (mode,) = join_modes(fit_levels(read_runs([write_levels(tmp_path / "close.h5", f, read)], 10_000_000)[0]))
+    (mode,) = join_modes(fit_levels(read_runs([write_shaken(tmp_path / "close.h5", f, read)], 10_000_000)[0]))
     assert ("reversed" in mode.left_out.get("accelerations[1]", "")) == (sign < 0)
 
 
@@ -337,14 +324,11 @@ def test_dwells_that_begin_on_a_flank_show_every_mode():
 def test_a_sensor_in_another_unit_is_left_out_before_modes_are_sought(tmp_path, few_laws):
     """Of three on a shaker one is in m/s^2 and says g: it is named, and the answers are those of the other two."""
     f, motion = (rows[..., ::4] for rows in close_modes(1.0))
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        for k, level in enumerate((0.1, 0.4)):
-            run = file.create_group(f"run_{level}g")
-            run["frequency"], run["control"] = f, np.full(len(f), level, complex)
-            read = level * motion * (1 + 0.005 * np.random.default_rng(k).normal(size=motion.shape))
-            for s, factor in enumerate((1.0, 1.0, G)):
-                run[f"acc{s}"] = factor * read[s]
-                run[f"acc{s}"].attrs["units"] = "g"
+    factors, runs = np.array([[1.0], [1.0], [G]]), {}
+    for k, level in enumerate((0.1, 0.4)):
+        read = factors * level * motion * (1 + 0.005 * np.random.default_rng(k).normal(size=motion.shape))
+        runs[f"run_{level}g"] = {"control": level} | {f"acc{s}": (row, "g") for s, row in enumerate(read)}
+    write_spectra(tmp_path / "a.h5", f, runs)
     answer = analyse([tmp_path / "a.h5"], [0.8])
     two = analyse([tmp_path / "a.h5"], [0.8], corrections=Corrections(channels={"acc2": ChannelCorrection("out")}))
     assert len(answer.modes) == len(two.modes) > 0
@@ -382,21 +366,17 @@ def test_a_clipped_sensor_is_left_out(tmp_path, stated, few_laws):
 def test_a_clipped_spectrum_is_left_out(tmp_path, kind):
     """Amplitudes that stand at 60 % of the largest, of 16 digits or 7, unless the control held the response there."""
     f, motion = close_modes(1.0)
-    noise = 0.0 if kind == "smooth" else 0.005  # without noise and limit: round tops alone
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        for k, level in enumerate((0.1, 0.2, 0.4)):
-            run = file.create_group(f"run_{level}g")
-            a = level * motion * (1 + noise * np.random.default_rng(k).normal(size=motion.shape))
-            size = np.abs(a[0])
-            limit = 0.6 * size.max() if level == 0.4 and kind != "smooth" else size.max()
-            down = np.minimum(limit / size, 1.0)
-            assert np.sum(down < 1.0) >= (10 if level == 0.4 and kind != "smooth" else 0)
-            drive = level * down if kind == "held" else np.full(len(f), level)
-            a = a * down if kind == "held" else np.vstack([a[0] * down, a[1:]])
-            run["frequency"], run["control"] = f, drive.astype(complex)
-            run["accelerations"] = a.astype(np.complex64 if kind == "single" else complex)
-            run["accelerations"].attrs["units"] = "g"
-    runs, summary = read_runs([tmp_path / "a.h5"], 10_000_000)
+    noise, runs = 0.0 if kind == "smooth" else 0.005, {}  # without noise and limit: round tops alone
+    for k, level in enumerate((0.1, 0.2, 0.4)):
+        a = level * motion * (1 + noise * np.random.default_rng(k).normal(size=motion.shape))
+        size = np.abs(a[0])
+        limit = 0.6 * size.max() if level == 0.4 and kind != "smooth" else size.max()
+        down = np.minimum(limit / size, 1.0)
+        assert np.sum(down < 1.0) >= (10 if level == 0.4 and kind != "smooth" else 0)
+        a = (a * down if kind == "held" else np.vstack([a[0] * down, a[1:]])).astype(complex)
+        drive = (level * down if kind == "held" else np.full(len(f), level)).astype(complex)
+        runs[f"run_{level}g"] = {"control": drive, "accelerations": (np.complex64(a) if kind == "single" else a, "g")}
+    runs, summary = read_runs([write_spectra(tmp_path / "a.h5", f, runs)], 10_000_000)
     clipped = kind in ("clipped", "single")
     assert runs[0].names == [f"accelerations[{s}]" for s in range(clipped, 3)]
     assert any("'accelerations[0]' is clipped" in note and "'run_0.4g'" in note for note in summary.notes) == clipped
@@ -405,7 +385,7 @@ def test_a_clipped_spectrum_is_left_out(tmp_path, kind):
 def test_modes_that_are_not_seen_are_asked_for(tmp_path):
     """Noise alone at frequencies that are stated: no mode, and what to do."""
     f, rng = np.geomspace(25.0, 60.0, 300), np.random.default_rng(3)
-    path = write_levels(tmp_path / "noise.h5", f, {0.1: 0.1 * (1 + 0.05 * rng.normal(size=(2, len(f))) + 0j)})
+    path = write_shaken(tmp_path / "noise.h5", f, {0.1: 0.1 * (1 + 0.05 * rng.normal(size=(2, len(f))) + 0j)})
     levels = fit_levels(read_runs([path], 10_000_000)[0], [40.0])
     with pytest.raises(AnalysisError, match=r"sought near .* Hz none stands .*--modes F1,F2"):
         join_modes(levels)
@@ -424,17 +404,13 @@ def rubbing(f: np.ndarray, force: float) -> np.ndarray:
 @pytest.mark.slow
 def test_peaks_of_a_mode_with_friction_lie_within_their_bands(tmp_path, few_draws):
     """Half the force of the lowest level is friction: damping is far from a line in the amplitude within a sweep."""
-    f, rng, levels = np.linspace(50.0, 64.0, 600), np.random.default_rng(1), (0.5, 1.0, 2.0, 4.0)
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        for force in levels:
-            run = file.create_group(f"run_{force}N")
-            run["frequency"], run["force"] = f, np.full(len(f), force, complex)
-            run["force"].attrs["units"] = "N"
-            for name, shape in (("a", 1.0), ("b", -0.9)):
-                noise = 1.0 + 0.003 * (rng.normal(size=len(f)) + 1j * rng.normal(size=len(f)))
-                run[name] = -shape * force * (2 * np.pi * f) ** 2 * rubbing(f, force) * noise
-                run[name].attrs["units"] = "m/s^2"
-    mode = analyse([tmp_path / "a.h5"], [8.0]).modes[0]
+    f = np.linspace(50.0, 64.0, 600)
+
+    def move(force):
+        return -force * np.outer([1.0, -0.9], (2 * np.pi * f) ** 2 * rubbing(f, force))
+
+    path = write_force_runs(tmp_path / "a.h5", f, (0.5, 1.0, 2.0, 4.0), move, seed=1)
+    mode = analyse([path], [8.0]).modes[0]
     fine = np.linspace(56.5, 57.5, 4001)
     for at in mode.places:
         peak = at.level * np.max((2 * np.pi * fine) ** 2 * np.abs(rubbing(fine, at.level)))

@@ -7,7 +7,7 @@ import pytest
 
 from damping.campaign import analyse
 from damping.campaign.modal_fit import find_peaks_of
-from tests.campaign.force_runs import write_force_runs
+from tests.campaign.spectra import write_force_runs
 
 LEVELS = (1.0, 2.0, 4.0)
 RATIOS = (0.012, 0.016)

@@ -14,7 +14,7 @@ from damping.campaign.sources import read_runs
 from damping.errors import InputError
 from damping.formats import read_file
 from damping.formats.series import Stated
-from tests.campaign.force_runs import write_force_runs
+from tests.campaign.spectra import data_set, write_force_runs
 
 LEVELS = (0.5, 1.0, 2.0, 4.0)
 SHAPES = np.array([[1.0, 0.42], [0.5, -0.63]])
@@ -89,13 +89,8 @@ def test_functions_of_another_excitation_than_a_sine_are_doubted(tmp_path, title
     sets = []
     for force in (1.0, 2.0):
         H = -((2 * np.pi * f) ** 2) * slide(f, force, hertz=34.0, mass=10.0, ratio=0.01, friction=0.1)
-        head = ["    -1", "    58", title.format(force), *["NONE"] * 4]
-        head.append(f"{4:5d}{0:10d}{0:5d}{0:10d} {'NONE':10s}{1:10d}{3:4d} {'NONE':10s}{1:10d}{3:4d}")
-        head.append(f"{6:10d}{len(f):10d}{0:10d}{0.0:13.5e}{0.0:13.5e}{0.0:13.5e}")
-        axes = ((18, "f", "Hz"), (12, "acceleration", "m/s^2"), (13, "force", "N"), (0, "NONE", "NONE"))
-        head += [f"{code:10d}{0:5d}{0:5d}{0:5d} {name:20s} {unit:20s}" for code, name, unit in axes]
-        sets += [*head, *(f"{x:13.5e}{y.real:20.11e}{y.imag:20.11e}" for x, y in zip(f, H, strict=True)), "    -1"]
-    (tmp_path / "a.uff").write_text("\n".join([*sets, ""]))
+        sets.append(data_set(title.format(force), f, H, function=4, ordinate=(12, "m/s^2"), per=(13, "N")))
+    (tmp_path / "a.uff").write_text("".join(sets))
     for notes in (
         read_runs([tmp_path / "a.uff"], 1_000_000)[1].notes,
         read_file(tmp_path / "a.uff", Stated(forces=(1.0, 2.0)))[1].notes,
@@ -202,17 +197,9 @@ def test_bands_hold_where_dampers_couple_the_modes(tmp_path, few_draws):
 
     Up to 11 % of a peak at four times the top level, within its band.
     """
-    f, rng = np.linspace(32.0, 48.0, 500), np.random.default_rng(2)
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        for force in (5.0, 10.0, 20.0):
-            run = file.create_group(f"run_{force}N")
-            run["frequency"], run["force"] = f, np.full(len(f), force, complex)
-            run["force"].attrs["units"] = "N"
-            for name, row in zip("ab", balance(f, force), strict=True):
-                noise = 1.0 + 0.003 * (rng.normal(size=len(f)) + 1j * rng.normal(size=len(f)))
-                run[name] = row * noise
-                run[name].attrs["units"] = "m/s^2"
-    modes = analyse([tmp_path / "a.h5"], [40.0, 80.0]).modes
+    f = np.linspace(32.0, 48.0, 500)
+    path = write_force_runs(tmp_path / "a.h5", f, (5.0, 10.0, 20.0), partial(balance, f), seed=2)
+    modes = analyse([path], [40.0, 80.0]).modes
     assert len(modes) == 2
     for mode in modes:
         fine = np.linspace(0.97 * mode.frequency, 1.03 * mode.frequency, 2001)

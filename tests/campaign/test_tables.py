@@ -24,6 +24,8 @@ from damping.formats.levels import find_level
 from damping.formats.sensors import group_columns
 from damping.formats.series import Stated, Summary
 from damping.formats.steady import steady_record
+from tests.campaign.spectra import write_spectra
+from tests.files import fill, write_csv, write_hdf5
 
 SIZE = 10_000_000
 LEVELS = (1.0, 2.0, 4.0, 8.0)  # N
@@ -135,8 +137,7 @@ def require_truth(runs, names=NAMES) -> None:
 
 
 @pytest.mark.parametrize(
-    "kind",
-    ["csv", "xlsx", "mat", "tdms", "sweeps.csv", "levels.csv", "blocks.csv", "groups.tdms", "sheets.xlsx"],
+    "kind", ["csv", "xlsx", "mat", "tdms", "sweeps.csv", "levels.csv", "blocks.csv", "groups.tdms", "sheets.xlsx"]
 )
 def test_every_file_gives_the_same_runs(tmp_path, kind):
     runs, _ = read_runs(write(kind, tmp_path), SIZE, None, Stated(**SI) if kind == "mat" else None)
@@ -148,8 +149,9 @@ def test_sensors_named_by_numbers_are_not_exchanged(tmp_path):
     nodes, files = ("5", "3", "4"), []
     for level in LEVELS:
         content = table(level).rename(columns=lambda name: name.replace(*node(name, nodes)))
-        files.append(tmp_path / f"{level:g} N.csv")
-        content[sorted(content, key=lambda name: "phase" in name)].to_csv(files[-1], index=False)
+        files.append(
+            write_csv(tmp_path / f"{level:g} N.csv", content[sorted(content, key=lambda name: "phase" in name)])
+        )
     require_truth(read_runs(files, SIZE)[0], nodes)
 
 
@@ -172,8 +174,7 @@ def test_phases_are_read_by_name_and_sense(tmp_path, phase, sign):
     """A phase that says neither is what a passive structure has, for modes of either sign at a sensor."""
     files = []
     for level in LEVELS:
-        files.append(tmp_path / f"{level:g} N.csv")
-        table(level, phase, sign).to_csv(files[-1], index=False)
+        files.append(write_csv(tmp_path / f"{level:g} N.csv", table(level, phase, sign)))
     require_truth(read_runs(files, SIZE)[0])
 
 
@@ -260,8 +261,7 @@ def import_tip(content: pd.DataFrame, path) -> tuple[pd.DataFrame, Summary]:
 def test_a_column_of_sweep_rates_is_read(tmp_path, header, value, rate, way):
     """df/dt of n octaves a minute is n ln 2/60 f; where the frequency falls, speeds are rates below 0."""
     content = table(2.0).assign(**{header: value})[::way]
-    content.to_csv(tmp_path / "a.csv", index=False)
-    (run,), _ = read_runs([tmp_path / "a.csv"], SIZE)
+    (run,), _ = read_runs([write_csv(tmp_path / "a.csv", content)], SIZE)
     np.testing.assert_allclose(run.rate, way * rate, rtol=1e-12)
     assert run.names == [*NAMES]
     record, _ = import_tip(content, tmp_path / "b.csv")
@@ -346,10 +346,7 @@ def test_levels_side_by_side_in_a_file_of_arrays_are_runs(tmp_path, kind):
     if kind == "mat":
         scipy.io.savemat(path, {words[name]: column for name, column in arrays.items()})
     elif kind == "h5":
-        with h5py.File(path, "w") as file:
-            for name, column in arrays.items():
-                file[words[name]] = column
-                file[words[name]].attrs["units"] = name.split("[")[1].strip("]")
+        write_hdf5(path, {words[name]: (column, name.split("[")[1].strip("]")) for name, column in arrays.items()})
     else:
         with TdmsWriter(path) as file:
             file.write_segment([ChannelObject("g", name, column) for name, column in arrays.items()])
@@ -394,8 +391,7 @@ def test_levels_side_by_side_that_are_not_alike_are_refused(tmp_path, change, me
 def test_sensors_called_by_their_range_are_no_levels(tmp_path):
     """Beside a force, 5 g and 50 g are no levels of it."""
     content = table(2.0).rename(columns=lambda name: name.replace("tip", "acc 5 g").replace("mid", "acc 50 g"))
-    content.to_csv(tmp_path / "a.csv", index=False)
-    require = read_runs([tmp_path / "a.csv"], SIZE)[0]
+    require = read_runs([write_csv(tmp_path / "a.csv", content)], SIZE)[0]
     assert [(run.level, run.names) for run in require] == [(2.0, ["acc 5 g", "acc 50 g", "root"])]
 
 
@@ -457,8 +453,7 @@ def test_rows_are_of_the_sweep_of_their_level(tmp_path, order):
         content = pd.concat(
             [one.assign(Level=np.where(first, f"{level:g} N", "")) for one, level in zip(tables, LEVELS, strict=True)]
         )
-    content.to_csv(tmp_path / "a.csv", index=False)
-    runs, _ = read_runs([tmp_path / "a.csv"], SIZE)
+    runs, _ = read_runs([write_csv(tmp_path / "a.csv", content)], SIZE)
     np.testing.assert_allclose([run.level for run in runs], LEVELS, rtol=1e-3)
     for run, level in zip(runs, LEVELS, strict=True):
         np.testing.assert_allclose(run.channels[1].samples, TRUTH[level][1], rtol=1e-9)
@@ -475,8 +470,7 @@ def test_rows_that_refine_a_sweep_join_it(tmp_path, order):
     pairs = [(f, level) for level in levels for f in (COARSE, CLOSE)]
     pairs = pairs if order == "each refined" else sorted(pairs, key=lambda pair: len(pair[0]), reverse=True)
     content = pd.concat([rows_at(f, level) for f, level in pairs])
-    content.to_csv(tmp_path / "a.csv", index=False)
-    runs, summary = read_runs([tmp_path / "a.csv"], SIZE)
+    runs, summary = read_runs([write_csv(tmp_path / "a.csv", content)], SIZE)
     assert [run.level for run in runs] == list(levels)
     assert sum(" and join it" in note for note in summary.notes) == 2
     f = np.sort([*COARSE, *CLOSE])
@@ -503,8 +497,7 @@ def test_rows_that_refine_a_sweep_join_it(tmp_path, order):
 )
 def test_rows_that_do_not_agree_stay_apart(tmp_path, second):
     content = pd.concat([rows_at(COARSE, 2.0), second])
-    content.to_csv(tmp_path / "a.csv", index=False)
-    runs, summary = read_runs([tmp_path / "a.csv"], SIZE)
+    runs, summary = read_runs([write_csv(tmp_path / "a.csv", content)], SIZE)
     assert sorted(len(run.x) for run in runs) == sorted([len(COARSE), len(second)])
     assert any("2 sweeps one below the other" in note for note in summary.notes)
     assert import_tip(content, tmp_path / "b.csv")[0].groupby("sweep").ngroups == 2
@@ -566,16 +559,11 @@ def test_levels_have_decimal_marks_of_either_kind(text):
 
 @pytest.mark.parametrize("is_complex", [True, False])
 def test_units_of_arrays_say_rms(tmp_path, is_complex):
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        group = file.create_group("run_2N")
-        group["frequency"], group["force"] = F, np.full(len(F), 2.0 / np.sqrt(2.0))
-        group["force"].attrs["units"] = "N rms"
-        for name, x in zip(NAMES, TRUTH[2.0] / np.sqrt(2.0), strict=True):
-            group[name] = x if is_complex else np.abs(x)
-            group[name].attrs["units"] = "mm rms"
-            if not is_complex:
-                group[f"{name}_phase"] = np.angle(x)
-    (run,), _ = read_runs([tmp_path / "a.h5"], SIZE)
+    columns = {"force": (np.full(len(F), 2.0 / np.sqrt(2.0)), "N rms")}
+    for name, x in zip(NAMES, TRUTH[2.0] / np.sqrt(2.0), strict=True):
+        columns |= {name: (x if is_complex else np.abs(x), "mm rms")}
+        columns |= {} if is_complex else {f"{name}_phase": np.angle(x)}
+    (run,), _ = read_runs([write_spectra(tmp_path / "a.h5", F, {"run_2N": columns})], SIZE)
     assert run.level == pytest.approx(2.0)
     np.testing.assert_allclose(run.channels[run.names.index("tip")].samples, TRUTH[2.0][0], rtol=1e-9)
 
@@ -591,14 +579,13 @@ def test_units_of_arrays_say_rms(tmp_path, is_complex):
 def test_a_table_of_one_sensor_is_what_import_reads(tmp_path, columns):
     g_mm, w = 9806.65, 2 * np.pi * F
     values = (F, np.full(len(F), 2.0), w**2 * np.abs(TRUTH[2.0][0]) / g_mm, np.degrees(np.angle(-TRUTH[2.0][0])))
-    pd.DataFrame(dict(zip(columns, values, strict=True))).to_csv(tmp_path / "a.csv", index=False, sep=";")
+    write_csv(tmp_path / "a.csv", dict(zip(columns, values, strict=True)), sep=";")
     (run,), _ = read_runs([tmp_path / "a.csv"], SIZE)
     record = steady_record(*read_file(tmp_path / "a.csv", Stated())[:1], Stated(), "a.csv", Summary()).frame
     for frame_column, here in (("amplitude", run.channels[0].samples * 9.80665 / -(w**2)), ("force", run.drive)):
         np.testing.assert_allclose(record[frame_column], np.abs(here), rtol=1e-9)
-    np.testing.assert_allclose(
-        np.exp(-1j * record["phase"]), np.exp(1j * np.angle(-run.channels[0].samples)), rtol=1e-9
-    )
+    expected = np.exp(1j * np.angle(-run.channels[0].samples))
+    np.testing.assert_allclose(np.exp(-1j * record["phase"]), expected, rtol=1e-9)
     np.testing.assert_allclose(record["amplitude"], np.sqrt(2.0) * 1e-3 * np.abs(TRUTH[2.0][0]), rtol=1e-9)
 
 
@@ -636,8 +623,7 @@ def test_ratios_have_the_level_of_the_file_name(tmp_path):
         columns = {"f [Hz]": F}
         for name, x in zip(NAMES, TRUTH[level] / level, strict=True):
             columns |= {f"{name} re [mm/N]": x.real, f"{name} im [mm/N]": x.imag}
-        files.append(tmp_path / f"frf_{level:g}N.csv")
-        pd.DataFrame(columns).to_csv(files[-1], index=False)
+        files.append(write_csv(tmp_path / f"frf_{level:g}N.csv", columns))
     runs, _ = read_runs(files, SIZE)
     for run, level in zip(runs, LEVELS, strict=True):
         assert (run.level, run.names, run.channels[0].unit, run.channels[0].per_drive) == (level, [*NAMES], "mm", True)
@@ -660,28 +646,21 @@ def test_a_base_with_its_own_phase_drives(tmp_path, turned):
     content = content.drop(columns="Force [N]")
     for name in NAMES:
         content[f"{name} phase [deg]"] += turned
-    control = {
-        "control_1 [g]": 1.9,
-        "control_1 phase [deg]": turned,
-        "control_2 [g]": 2.1,
-        "control_2 phase [deg]": turned,
-    }
-    content.assign(**control).to_csv(tmp_path / "base.csv", index=False)
-    (run,), _ = read_runs([tmp_path / "base.csv"], SIZE)
+    for k, size in ((1, 1.9), (2, 2.1)):
+        content[f"control_{k} [g]"], content[f"control_{k} phase [deg]"] = size, turned
+    (run,), _ = read_runs([write_csv(tmp_path / "base.csv", content)], SIZE)
     assert (run.level, run.drive_unit, run.is_base_driven) == (pytest.approx(2.0), "g", True)
     np.testing.assert_allclose(run.channels[2].samples / run.drive, TRUTH[2.0][2] / 2.0, rtol=1e-9)
 
 
 def test_amplitudes_in_groups_of_hdf5_share_a_frequency(tmp_path):
     """Real arrays with phases in rad, the frequency at the top of the file, a force for each group."""
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        file["freq"] = F
-        for level in LEVELS:
-            group = file.create_group(f"run_{level:g}N")
-            group["force"] = level
-            for name, x in zip(NAMES, TRUTH[level], strict=True):
-                group[name], group[f"{name}_phase"] = np.abs(x), np.angle(x)
-    runs, _ = read_runs([tmp_path / "a.h5"], SIZE, None, Stated(**SI))
+    contents = {"freq": F}
+    for level in LEVELS:
+        contents[f"run_{level:g}N"] = {"force": level}
+        for name, x in zip(NAMES, TRUTH[level], strict=True):
+            contents[f"run_{level:g}N"] |= {name: np.abs(x), f"{name}_phase": np.angle(x)}
+    runs, _ = read_runs([write_hdf5(tmp_path / "a.h5", contents)], SIZE, None, Stated(**SI))
     assert [run.level for run in runs] == list(LEVELS)
     for run, level in zip(runs, LEVELS, strict=True):
         np.testing.assert_allclose(run.channels[run.names.index("mid")].samples, TRUTH[level][1], rtol=1e-9)
@@ -692,13 +671,8 @@ def test_headers_and_corrections_state_scaling_unit_and_role(tmp_path):
     content = table(2.0).rename(columns={"tip [mm]": "tip RMS [mm]", "mid [mm]": "mid"}).assign(temperature=20.0)
     content["tip RMS [mm]"] /= np.sqrt(2.0)
     content.to_csv(tmp_path / "a.csv", index=False)
-    stated = Corrections(
-        channels={
-            "temperature": ChannelCorrection(role="out"),
-            "mid": ChannelCorrection(unit="mm", scale=-1.0),
-        }
-    )
-    (run,), _ = read_runs([tmp_path / "a.csv"], SIZE, stated)
+    channels = {"temperature": ChannelCorrection(role="out"), "mid": ChannelCorrection(unit="mm", scale=-1.0)}
+    (run,), _ = read_runs([tmp_path / "a.csv"], SIZE, Corrections(channels=channels))
     assert run.names[1:] == ["mid", "root"]
     np.testing.assert_allclose(run.channels[0].samples, TRUTH[2.0][0], rtol=1e-9)
     np.testing.assert_allclose(run.channels[1].samples, -TRUTH[2.0][1], rtol=1e-9)
@@ -840,26 +814,11 @@ def test_a_mode_found_far_from_where_it_was_asked_for_is_told(tmp_path):
     assert told == "caution: the mode stated near 20.6 Hz was found at 19 Hz: is it another one?"
 
 
-def write_group(path, group: str, columns: dict[str, tuple[np.ndarray, str]]):
-    """An HDF5 file with a group of arrays, each with its unit ('': none), beside the frequency."""
-    with h5py.File(path, "w") as file:
-        file[f"{group}/frequency"] = F
-        for name, (values, text) in columns.items():
-            file[f"{group}/{name}"] = values
-            if text:
-                file[f"{group}/{name}"].attrs["units"] = text
-    return path
-
-
-def control(level: float) -> tuple[np.ndarray, str]:
-    return np.full(len(F), level, complex), ""
-
-
 @pytest.mark.parametrize("across", [False, True])
 def test_sensors_of_an_array_are_named_by_row_or_column(tmp_path, across):
     """As h5py counts rows, and as every table names columns; in the drive's g, which the label states and it reads."""
     X = TRUTH[2.0].T if across else TRUTH[2.0]
-    path = write_group(tmp_path / "a.h5", "run_0.3g", {"control": control(0.3), "acc": (X, "g")})
+    path = write_spectra(tmp_path / "a.h5", F, {"run_0.3g": {"control": 0.3, "acc": (X, "g")}})
     (run,), _ = read_runs([path], SIZE)
     assert run.names == (["acc(:,1)", "acc(:,2)", "acc(:,3)"] if across else ["acc[0]", "acc[1]", "acc[2]"])
     assert (run.label, run.level, run.drive_unit) == ("run_0.3g", 0.3, "g")
@@ -869,32 +828,26 @@ def test_sensors_of_an_array_are_named_by_row_or_column(tmp_path, across):
 @pytest.mark.parametrize(
     ("columns", "stated", "message"),
     [
-        ({"control": control(0.3), "acc": (TRUTH[2.0], "")}, Stated(), r"the unit of 'acc\[0\]' is not known"),
-        ({"control": control(2.1), "acc": (TRUTH[2.0], "g")}, Stated(), "the unit of 'control' is not known"),
-        (  # two exciters
-            {"force": (np.full((2, len(F)), 0.3 + 0j), "N"), "acc": (TRUTH[2.0], "g")},
-            Stated(),
-            "2 columns of force",
-        ),
+        ({"control": 0.3, "acc": TRUTH[2.0]}, {}, r"the unit of 'acc\[0\]' is not known"),
+        ({"control": 2.1, "acc": (TRUTH[2.0], "g")}, {}, "the unit of 'control' is not known"),
+        # two exciters
+        ({"force": (np.full((2, len(F)), 0.3 + 0j), "N"), "acc": (TRUTH[2.0], "g")}, {}, "2 columns of force"),
         (
-            {"control_1": control(0.3), "control_2": control(0.3), "acc": (TRUTH[2.0], "g")},
-            Stated(units={"force": "N"}),
+            {"control_1": 0.3, "control_2": 0.3, "acc": (TRUTH[2.0], "g")},
+            {"force": "N"},
             "2 drives, control_1, control_2; expected one force",
         ),
     ],
 )
 def test_what_a_group_does_not_say_is_asked_for(tmp_path, columns, stated, message):
     with pytest.raises(InputError, match=message):
-        read_runs([write_group(tmp_path / "a.h5", "run_0.3g", columns)], SIZE, None, stated)
+        read_runs([write_spectra(tmp_path / "a.h5", F, {"run_0.3g": columns})], SIZE, None, Stated(units=stated))
 
 
 def test_a_group_swept_down_is_read_by_rising_frequency(tmp_path):
     """And real values without a phase are no responses beside complex ones."""
-    columns = {"control": (control(0.3)[0], "g"), "tip": (TRUTH[2.0][0], "g"), "heat": (np.full(len(F), 20.0), "")}
-    with h5py.File(write_group(tmp_path / "a.h5", "run_0.3g", columns), "r+") as file:
-        for values in file["run_0.3g"].values():
-            values[...] = values[()][::-1]
-    (run,), summary = read_runs([tmp_path / "a.h5"], SIZE)
+    columns = {"control": (0.3, "g"), "tip": (TRUTH[2.0][0, ::-1], "g"), "heat": np.full(len(F), 20.0)}
+    (run,), summary = read_runs([write_spectra(tmp_path / "a.h5", F[::-1], {"run_0.3g": columns})], SIZE)
     np.testing.assert_array_equal(run.x, F)
     np.testing.assert_array_equal([channel.samples for channel in run.channels], TRUTH[2.0][:1])
     assert "run_0.3g: heat left out: no complex values" in summary.notes
@@ -903,19 +856,18 @@ def test_a_group_swept_down_is_read_by_rising_frequency(tmp_path):
 def test_a_point_in_the_name_of_a_group_is_part_of_a_level(tmp_path):
     """A file with no drive has the level of its label: 0.3 g, not 3 g."""
     columns = {"tip": (np.abs(TRUTH[2.0][0]), "g/g"), "tip_lag": (-np.angle(TRUTH[2.0][0]), "rad")}
-    (run,), _ = read_runs([write_group(tmp_path / "a.h5", "run_0.3g", columns)], SIZE)
+    (run,), _ = read_runs([write_spectra(tmp_path / "a.h5", F, {"run_0.3g": columns})], SIZE)
     assert (run.label, run.level) == ("run_0.3g", 0.3)
 
 
 def test_groups_against_time_and_frequency_are_runs_of_one_file(tmp_path):
     """A group that was tracked stands beside one of spectra; each is read as alone."""
-    path = write_group(tmp_path / "a.h5", "run_0.3g", {"control": (control(0.3)[0], "g"), "tip": (TRUTH[2.0][0], "g")})
+    columns = {"control": (0.3, "g"), "tip": (TRUTH[2.0][0], "g")}
+    path = write_spectra(tmp_path / "a.h5", F, {"run_0.3g": columns})
     t = np.arange(0.0, 10.0, 5e-3)
     sine = np.sin(2 * np.pi * (9.0 + 0.1 * t) * t) * (1.0 + 1e-3 * t)  # a gain of both: no ceiling
     with h5py.File(path, "r+") as file:
-        for name, values in (("time", t), ("control", 0.6 * sine), ("tip", 1.8 * sine)):
-            file[f"run_0.6g/{name}"] = values
-            file[f"run_0.6g/{name}"].attrs["units"] = "s" if name == "time" else "g"
+        fill(file, {"run_0.6g": {"time": (t, "s"), "control": (0.6 * sine, "g"), "tip": (1.8 * sine, "g")}})
     spectra, tracked = read_runs([path], SIZE)[0]
     assert [(run.label, run.level) for run in (spectra, tracked)] == [("run_0.3g", 0.3), ("run_0.6g", 0.6)]
     np.testing.assert_array_equal(spectra.channels[0].samples, TRUTH[2.0][0])
@@ -930,19 +882,15 @@ def test_a_number_too_large_to_be_squared_is_no_number(tmp_path):
     motion = np.abs(H)
     motion[7] = 1e200
     columns = {"frequency [Hz]": f, "force [N]": 1.0, "tip [mm]": motion, "tip lag [deg]": -np.angle(H, deg=True)}
-    pd.DataFrame(columns).to_csv(tmp_path / "sine_1N.csv", index=False)
-    (run,), summary = read_runs([tmp_path / "sine_1N.csv"], 10_000_000)
+    (run,), summary = read_runs([write_csv(tmp_path / "sine_1N.csv", columns)], SIZE)
     assert len(run.x) == 59
     assert any("1 row of" in note and "left out" in note for note in summary.notes)
-    with h5py.File(tmp_path / "sine.h5", "w") as file:
-        group = file.create_group("run_1N")
-        group["frequency"], group["force"], group["tip"] = f, np.ones(60, complex), motion + 0j
-        group["force"].attrs["units"], group["tip"].attrs["units"] = "N", "mm"
+    path = write_spectra(tmp_path / "sine.h5", f, {"run_1N": {"force": (1.0, "N"), "tip": (motion + 0j, "mm")}})
     with pytest.raises(InputError, match=r"'tip' holds values beyond 1e\+50, the first in row 8 of 60"):
-        read_runs([tmp_path / "sine.h5"], 10_000_000)
-    pd.DataFrame({"time [s]": f - 45.0, "tip [mm]": motion}).to_csv(tmp_path / "decay.csv", index=False)
+        read_runs([path], SIZE)
+    path = write_csv(tmp_path / "decay.csv", {"time [s]": f - 45.0, "tip [mm]": motion})
     with pytest.raises(InputError, match=r"line 9, .*1e.200") as refused:
-        read_runs([tmp_path / "decay.csv"], 10_000_000)
+        read_runs([path], SIZE)
     assert refused.value.column == "tip [mm]"
 
 

@@ -154,9 +154,8 @@ def test_energy_is_never_negative_and_is_the_area_of_the_loop(force: Force, A: f
     if isinstance(force, EnergyTerm):
         return  # known by its energy alone: its cycle is defined from C
     # int g dq = A int g cos(theta) d theta; adaptive quadrature as above
-    np.testing.assert_allclose(
-        energy, np.pi * A * average(force, A, omega, np.cos), rtol=1e-10, atol=1e-10 * A * size(force, A, omega)
-    )
+    expected = np.pi * A * average(force, A, omega, np.cos)
+    np.testing.assert_allclose(energy, expected, rtol=1e-10, atol=1e-10 * A * size(force, A, omega))
     # polygon of 4000 corners: the trapezoidal rule errs by (2 pi/4000)^2 = 2.5e-6 of force times amplitude where the
     # force is smooth, and by a few times that where its corners fall between two points; the spring adds rounding
     area = loop(force, A, omega, stiffness=12.0, points=4001).area
@@ -222,13 +221,6 @@ def test_results_have_the_shape_of_the_states(force: Force) -> None:
     A, omega = np.ones((3, 1)), np.ones(4)
     assert [np.shape(evaluate(force, part, A, omega)) for part in AVERAGES] == [(3, 4)] * 4
     assert np.shape(force.cycle(np.zeros((2, 1, 1)), A, omega)) == (2, 3, 4)
-
-
-@every_force
-def test_every_force_says_what_it_is(force: Force) -> None:
-    assert force.name
-    assert force.label
-    assert force.formula
 
 
 @every_force

@@ -10,13 +10,7 @@ from scipy.special import ndtri
 
 from damping.extrapolation import extrapolate_loads
 from damping.extrapolation.cautions import BEYOND_TEST, STAYS_LINEAR
-from damping.extrapolation.draws import (
-    Draws,
-    Member,
-    amplitude_draws,
-    choose_next_level,
-    find_quantiles,
-)
+from damping.extrapolation.draws import Draws, Member, amplitude_draws, choose_next_level, find_quantiles
 from damping.extrapolation.prediction import PARTS, predict, scale_linearly
 from damping.extrapolation.prepared import prepare_record
 from damping.extrapolation.reading import NextReading
@@ -231,7 +225,7 @@ def test_stated_uncertainties_are_noise(saturn):
     np.testing.assert_allclose(loads.parts["measurement_noise"], expected, rtol=0.05)
 
 
-def test_cautions(saturn):
+def test_cautions_name_what_a_prediction_rests_on(saturn):
     data = saturn("config-2-mode-1")
     loads = predict([member(("viscous",), data)], np.array([20.0, 90.0, 10.0]), data, 0.9, seed=1)
     assert "three force levels say little about how damping grows with amplitude" in loads.cautions[0]

@@ -19,16 +19,8 @@ from damping.forces import (
 )
 
 NAMES = [
-    "viscous",
-    "displacement",
-    "velocity-squared",
-    "displacement-velocity",
-    "quadratic-displacement",
-    "velocity-power",
-    "displacement-velocity-power",
-    "coulomb",
-    "slip",
-    "dahl",
+    *("viscous", "displacement", "velocity-squared", "displacement-velocity", "quadratic-displacement"),
+    *("velocity-power", "displacement-velocity-power", "coulomb", "slip", "dahl"),
 ]
 
 
@@ -37,13 +29,13 @@ def test_names_are_those_of_the_file_formats() -> None:
     assert all(force.name == name for name, force in CATALOGUE.items())
 
 
-def test_parameters() -> None:
+def test_parameters_are_listed_in_their_order() -> None:
     assert list_parameter_names("viscous") == ("coefficient",)
     assert list_parameter_names("velocity-power") == ("coefficient", "exponent")
     assert list_parameter_names("slip") == ("stiffness", "limit")
 
 
-def test_make() -> None:
+def test_a_force_is_made_by_its_name() -> None:
     assert make("viscous", coefficient=1.77) == Viscous(1.77)
     assert make("slip", stiffness=40.0, limit=0.01) == Slip(40.0, 0.01)
 
@@ -65,14 +57,14 @@ def test_wrong_parameters_say_what_was_expected(parameters: dict[str, float]) ->
         make("viscous", **parameters)
 
 
-def test_damping_table() -> None:
+def test_a_table_of_damping_is_a_sum() -> None:
     table = {"viscous": {"coefficient": 1.77}, "velocity-power": {"coefficient": 0.19, "exponent": 1.65}}
     force = from_damping(table)
     assert force == Sum((Viscous(1.77), VelocityPower(0.19, 1.65)))
     assert force.name == "viscous + velocity-power"
 
 
-def test_no_damping() -> None:
+def test_an_empty_table_is_no_force() -> None:
     force = from_damping({})
     assert force.name == "none"
     np.testing.assert_array_equal(force.quadrature(np.ones(3), 2.0), np.zeros(3))

@@ -10,13 +10,7 @@ from scipy.special import i1e
 
 from damping.forces import Slip, VelocitySquared, Viscous, energy_per_cycle
 from damping.forces.smooth import Dahl, SmoothJoint, SmoothSlip
-from damping_reed1970.chapter_2 import (
-    equivalence_error,
-    equivalent_coefficient,
-    exact_energy,
-    loop,
-    printed_energy,
-)
+from damping_reed1970.chapter_2 import equivalence_error, equivalent_coefficient, exact_energy, loop, printed_energy
 
 #: K = 10, K1 = 4, A1 = .3: the example of erratum E243.
 K = 10.0

@@ -94,11 +94,6 @@ def test_bytes_as_arrays(tmp_path: Path, seed: int):
     data = bytearray(mat_and_hdf5(tmp_path)[seed % 3])
     for place in random.integers(0, len(data), 1 + seed // 3 * 3):
         data[place] = random.integers(256)
+    (tmp_path / "damaged").write_bytes(data)
     with contextlib.suppress(InputError):
-        read_file(tmp_path_file(tmp_path, bytes(data)), STATED)
-
-
-def tmp_path_file(folder: Path, data: bytes) -> Path:
-    path = folder / "damaged"
-    path.write_bytes(data)
-    return path
+        read_file(tmp_path / "damaged", STATED)

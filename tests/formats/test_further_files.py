@@ -22,6 +22,7 @@ from damping.errors import InputError
 from damping.formats import read_file
 from damping.formats.motions import TimeHistory, time_histories
 from damping.formats.series import Stated, Summary
+from tests.files import write_csv, write_hdf5
 
 RATE = 200.0
 T = np.arange(400) / RATE
@@ -211,13 +212,11 @@ def test_a_first_value_and_an_increment(truth, tmp_path, imported):
 
 
 def test_the_frequency_of_the_same_group_and_attributes(truth, tmp_path, imported):
-    path = tmp_path / "a.h5"
-    with h5py.File(path, "w") as file:
-        for k, name in enumerate(("run_1", "run_2")):
-            file[f"{name}/frequency"], file[f"{name}/disp"] = truth.f + k, truth.H * truth.F
-        file["acc"] = X
+    runs = {f"run_{k}": {"frequency": truth.f + k, "disp": truth.H * truth.F} for k in (0, 1)}
+    path = write_hdf5(tmp_path / "a.h5", runs | {"acc": X})
+    with h5py.File(path, "a") as file:
         file["acc"].attrs["fs"] = RATE
-    stated = {"columns": {"response": "run_2/disp"}, "consistent": True, "response": "displacement"}
+    stated = {"columns": {"response": "run_1/disp"}, "consistent": True, "response": "displacement"}
     record = imported(path, forces=(truth.F,), scaling="peak", **stated).record
     np.testing.assert_array_equal(record.column("frequency"), truth.f + 1.0)
     (one,) = histories(path, columns={"response": "acc"}, **SIGNAL)
@@ -226,9 +225,8 @@ def test_the_frequency_of_the_same_group_and_attributes(truth, tmp_path, importe
 
 @pytest.mark.parametrize("value", ["fast", [1.0, 2.0], [], h5py.Empty("f")])
 def test_an_attribute_that_is_no_number_says_nothing_about_sampling(tmp_path, value):
-    path = tmp_path / "a.h5"
-    with h5py.File(path, "w") as file:
-        file["acc"], file["number/fs"] = X, RATE
+    path = write_hdf5(tmp_path / "a.h5", {"acc": X, "number": {"fs": RATE}})
+    with h5py.File(path, "a") as file:
         file["acc"].attrs["rate"] = value
     (one,) = histories(path, columns={"response": "acc"}, **SIGNAL)
     np.testing.assert_allclose(one.t, T, rtol=1e-12)
@@ -275,11 +273,9 @@ def test_a_table_of_a_signal_without_times(tmp_path):
 
 def test_a_stated_unit_beside_that_of_the_file_is_said(tmp_path):
     """A signal in volts needs its sensitivity: without one, readings pass for those of the stated unit."""
-    path = tmp_path / "a.csv"
-    pd.DataFrame({"Time [s]": T, "Acc [mV]": 10.0 * X}).to_csv(path, index=False)
-    with pytest.raises(
-        InputError, match=r"a voltage; expected --unit response=UNIT .* --scale response=VALUE of one mV"
-    ):
+    path = write_csv(tmp_path / "a.csv", {"Time [s]": T, "Acc [mV]": 10.0 * X})
+    said = r"a voltage; expected --unit response=UNIT .* --scale response=VALUE of one mV"
+    with pytest.raises(InputError, match=said):
         histories(path)
     for scale, cautions in ({}, 1), ({"response": 0.1}, 0):
         stated, summary = Stated(**SIGNAL, scale=scale), Summary()
@@ -290,8 +286,7 @@ def test_a_stated_unit_beside_that_of_the_file_is_said(tmp_path):
 
 @pytest.mark.parametrize("what", ["sweep_rate=oct/min", "energy=J", "mass=kg", "frequency=rpm"])
 def test_a_unit_of_what_the_file_has_not_is_said(tmp_path, what):
-    path = tmp_path / "a.csv"
-    pd.DataFrame({"Time [s]": T, "Acc [m/s^2]": X}).to_csv(path, index=False)
+    path = write_csv(tmp_path / "a.csv", {"Time [s]": T, "Acc [m/s^2]": X})
     name, unit = what.split("=")
     (said,) = (note for note in read_file(path, Stated(units={name: unit}))[1].notes if "--unit" in note)
     assert said.startswith(f"caution: --unit {what} changes nothing")
@@ -330,11 +325,9 @@ def test_marks_between_thousands_are_no_decimals(tmp_path, imported, mark, decim
 
 def test_sweeps_beside_levels_are_labelled_as_of_any_array(tmp_path):
     """The number 1 of a sweep, in a file of arrays with a name for each level."""
-    f, path = np.tile(np.linspace(1.0, 3.0, 9), 2), tmp_path / "a.h5"
-    with h5py.File(path, "w") as file:
-        file["frequency"], file["run"] = f, np.repeat([1.0, 2.0], 9)
-        for level in (0.5, 1.0):
-            file[f"{level:g} g"] = level * np.exp(-1j * f)
+    f = np.tile(np.linspace(1.0, 3.0, 9), 2)
+    levels = {f"{level:g} g": level * np.exp(-1j * f) for level in (0.5, 1.0)}
+    path = write_hdf5(tmp_path / "a.h5", {"frequency": f, "run": np.repeat([1.0, 2.0], 9)} | levels)
     series, _ = read_file(path, Stated())
     assert [row.label for row in series] == ["1", "2"] * 2
     np.testing.assert_array_equal(series[3].response, np.exp(-1j * f[9:]))

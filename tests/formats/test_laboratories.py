@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import h5py
+from dataclasses import replace
+
 import netCDF4
 import numpy as np
 import pandas as pd
@@ -18,6 +19,7 @@ from damping.formats.headers import ROLES, parse_header, refuse_decibels
 from damping.formats.motions import time_histories
 from damping.formats.series import Stated, Summary
 from damping_pipelines.commands import import_
+from tests.files import write_csv, write_hdf5
 
 CLOSE = 1e-5  # six printed digits
 FORCES = (0.5, 1.2, 2.6)
@@ -34,18 +36,18 @@ def close(record, truth, forces=FORCES, **tolerance):
             np.testing.assert_allclose(rows["phase"], truth.lag, atol=1e-4)  # degrees to three digits
 
 
-def stacked(truth, **columns):
-    """A table of three sweeps one below the other."""
-    parts = [pd.DataFrame({name: values(force) for name, values in columns.items()}) for force in FORCES]
-    return pd.concat(parts, ignore_index=True)
+@pytest.fixture(scope="session")
+def levels(truth):
+    """The mode under three forces, one sweep below the other."""
+    of = [np.tile(values, len(FORCES)) for values in (truth.f, truth.H)]
+    return replace(truth, f=of[0], H=of[1], F=np.repeat(FORCES, len(truth.f)))
 
 
-def test_rows_in_no_order_are_sorted_by_their_force(truth, tmp_path, imported):
+def test_rows_in_no_order_are_sorted_by_their_force(truth, levels, tmp_path, imported):
     """The sweeps of the shuffled table are those of the table in order; forces are held to a per cent."""
-    rng, path = np.random.default_rng(1), tmp_path / "a.csv"
-    held = {"frequency": lambda F: truth.f, "force": lambda F: F * (1.0 + 0.01 * np.cos(np.arange(len(truth.f))))}
-    rows = stacked(truth, **held, displacement=lambda F: np.abs(truth.H) * F)
-    rows.iloc[rng.permutation(len(rows))].to_csv(path, index=False)
+    force = levels.F * (1.0 + 0.01 * np.cos(np.tile(np.arange(len(truth.f)), len(FORCES))))
+    rows = pd.DataFrame({"frequency": levels.f, "force": force, "displacement": levels.amplitude})
+    path = write_csv(tmp_path / "a.csv", rows.sample(frac=1.0, random_state=1))
     read = imported(path, units={"response": "m", "force": "N"}, scaling="peak").record.frame
     assert read["sweep"].nunique() == len(FORCES)
     for _, sweep in read.groupby("sweep"):
@@ -74,17 +76,10 @@ def test_structures_and_cells(truth, tmp_path, imported):
         imported(path, **stated)
 
 
-def test_a_table_without_a_header(truth, tmp_path, imported):
-    table = stacked(
-        truth,
-        f=lambda _: truth.f,
-        x=lambda force: force * truth.H.real,
-        y=lambda force: force * truth.H.imag,
-        F=lambda force: np.full(len(truth.f), force),
-    )
-    path = tmp_path / "a.txt"
-    rows = "\n".join("  ".join(f"{value:.9e}" for value in row) for row in table.to_numpy())
-    path.write_text("% rig B\n% up only\n" + rows + "\n")
+def test_a_table_without_a_header(truth, levels, tmp_path, imported):
+    path, response = tmp_path / "a.txt", levels.F * levels.H
+    table = np.column_stack([levels.f, response.real, response.imag, levels.F])
+    np.savetxt(path, table, fmt="%.9e", delimiter="  ", header="rig B\nup only", comments="% ")
     columns = {"frequency": "1", "x": "2", "y": "3", "force": "4"}
     found = imported(path, columns=columns, response="displacement", consistent=True, scaling="peak")
     close(found.record, truth)
@@ -118,16 +113,10 @@ BARE = "Frequency,Force,Displacement,Phase"
         ("f [Hz],Force [Newton],Disp [mm],Phase [deg]", "utf-8", "columns by name"),
     ],
 )
-def test_headers_as_recorders_write_them(truth, tmp_path, imported, header, encoding, said):
-    rows = stacked(
-        truth,
-        f=lambda _: truth.f,
-        F=lambda force: np.full(len(truth.f), force),
-        x=lambda force: 1e3 * force * np.abs(truth.H),
-        phase=lambda _: np.degrees(truth.lag),
-    )
+def test_headers_as_recorders_write_them(truth, levels, tmp_path, imported, header, encoding, said):
     path = tmp_path / "a.csv"
-    path.write_text(f"{header}\n{rows.to_csv(index=False, header=False)}", encoding=encoding)
+    table = np.column_stack([levels.f, levels.F, 1e3 * levels.amplitude, np.degrees(levels.lag)])
+    np.savetxt(path, table, delimiter=",", header=header, comments="", encoding=encoding)
     found = imported(path, columns={"lag_deg": "4", "amplitude": "3"} if "lag" in header else {})
     close(found.record, truth)
     assert ("table", f"comma between cells, decimal point, {said}", "found in the file") in found.summary.rows
@@ -140,16 +129,11 @@ def test_a_row_of_text_below_the_header_is_no_row_of_units(tmp_path, imported):
         imported(path, response="displacement", consistent=True)
 
 
-def test_the_time_of_a_row_stands_beside_its_frequency(truth, tmp_path, imported):
-    minutes = 0.5 * np.arange(3.0 * len(truth.f))
-    rows = stacked(
-        truth,
-        **{"Frequency [Hz]": lambda _: truth.f, "Force [N]": lambda force: np.full(len(truth.f), force)},
-        **{"Displacement [m]": lambda force: force * np.abs(truth.H), "Phase [deg]": lambda _: -np.degrees(truth.lag)},
-    )
-    path = tmp_path / "a.csv"
-    rows.assign(**{"Time [min]": minutes}).to_csv(path, index=False)
-    found = imported(path)
+def test_the_time_of_a_row_stands_beside_its_frequency(truth, levels, tmp_path, imported):
+    minutes = 0.5 * np.arange(len(levels.f))
+    columns = {"Frequency [Hz]": levels.f, "Force [N]": levels.F, "Displacement [m]": levels.amplitude}
+    columns |= {"Phase [deg]": -np.degrees(levels.lag), "Time [min]": minutes}
+    found = imported(write_csv(tmp_path / "a.csv", columns))
     close(found.record, truth)
     np.testing.assert_allclose(found.record.table["time"], 60.0 * minutes, rtol=1e-12)
     path = tmp_path / "a.mat"  # of another length it is a history beside, and which is meant is asked
@@ -158,14 +142,9 @@ def test_the_time_of_a_row_stands_beside_its_frequency(truth, tmp_path, imported
         imported(path)
 
 
-def test_a_force_by_its_name_belongs_to_a_stated_response(truth, tmp_path, imported):
-    rows = stacked(
-        truth,
-        **{"Frequency [Hz]": lambda _: truth.f, "Force [N]": lambda force: np.full(len(truth.f), force)},
-        **{"roof [m]": lambda force: force * np.abs(truth.H), "floor [m]": lambda _: np.ones(len(truth.f))},
-    )
-    path = tmp_path / "a.csv"
-    rows.to_csv(path, index=False)
+def test_a_force_by_its_name_belongs_to_a_stated_response(truth, levels, tmp_path, imported):
+    columns = {"Frequency [Hz]": levels.f, "Force [N]": levels.F, "roof [m]": levels.amplitude, "floor [m]": 1.0}
+    path = write_csv(tmp_path / "a.csv", columns)
     close(imported(path, columns={"amplitude": "roof"}, response="displacement").record, truth)
 
 
@@ -192,17 +171,10 @@ def test_a_number_says_how_a_history_was_sampled(tmp_path, name, number):
         ("Phase A/F [deg]", lambda lag: 180.0 - np.degrees(lag), 2),
     ],
 )
-def test_lead_and_lag_by_the_turn(truth, tmp_path, imported, header, of_lag, order):
-    name, factor = ("Displacement [m]", 1.0) if order == 0 else ("A [m/s^2]", (2 * np.pi * truth.f) ** 2)
-    columns = {
-        "Freq [Hz]": lambda _: truth.f,
-        "F [N]": lambda force: np.full(len(truth.f), force),
-        name: lambda force: force * np.abs(truth.H) * factor,
-        header: lambda _: of_lag(truth.lag),
-    }
-    path = tmp_path / "a.csv"
-    stacked(truth, **columns).to_csv(path, index=False)
-    close(imported(path).record, truth)
+def test_lead_and_lag_by_the_turn(truth, levels, tmp_path, imported, header, of_lag, order):
+    motion = levels.amplitude * (2 * np.pi * levels.f) ** order
+    columns = {"Freq [Hz]": levels.f, "F [N]": levels.F, "A [m/s^2]" if order else "Displacement [m]": motion}
+    close(imported(write_csv(tmp_path / "a.csv", columns | {header: of_lag(levels.lag)})).record, truth)
 
 
 def test_noise_of_the_tails_does_not_turn_the_phase_of_a_velocity(tmp_path, imported):
@@ -217,9 +189,8 @@ def test_noise_of_the_tails_does_not_turn_the_phase_of_a_velocity(tmp_path, impo
         rng = np.random.default_rng(seed)
         read = v / np.max(np.abs(v)) + 0.08 * (rng.normal(size=len(f)) + 1j * rng.normal(size=len(f)))
         angle = np.degrees(np.angle(read))
-        rows = pd.DataFrame({"Hz": f, "Force [N]": 1.0, "Velocity [m/s]": np.abs(read), "Phase [deg]": angle})
-        rows.to_csv(tmp_path / "a.csv", index=False)
-        summary = imported(tmp_path / "a.csv").summary
+        columns = {"Hz": f, "Force [N]": 1.0, "Velocity [m/s]": np.abs(read), "Phase [deg]": angle}
+        summary = imported(write_csv(tmp_path / "a.csv", columns)).summary
         assert ("phase", "a lead of the response") in [row[:2] for row in summary.rows]
 
 
@@ -228,25 +199,19 @@ def test_one_column_of_phases_has_one_sense(truth, tmp_path, imported):
     phase = np.degrees(truth.lag)
     whole = {"sweep": ["a"] * len(truth.f) + ["b"] * len(truth.f), "frequency [Hz]": np.tile(truth.f, 2)}
     whole |= {"force [N]": truth.F, "disp [m]": np.tile(truth.amplitude, 2)}
-    pd.DataFrame(whole | {"phase [deg]": [*phase, *phase]}).to_csv(tmp_path / "a.csv", index=False)
-    assert len(imported(tmp_path / "a.csv").record) == 2 * len(truth.f)
-    pd.DataFrame(whole | {"phase [deg]": [*phase, *-phase]}).to_csv(tmp_path / "b.csv", index=False)
+    path = write_csv(tmp_path / "a.csv", whole | {"phase [deg]": [*phase, *phase]})
+    assert len(imported(path).record) == 2 * len(truth.f)
+    write_csv(path, whole | {"phase [deg]": [*phase, *-phase]})
     with pytest.raises(InputError, match="the phase of 'b' is a lead of the response, unlike that of sweeps before it"):
-        imported(tmp_path / "b.csv")
+        imported(path)
 
 
-def test_an_angle_said_to_be_in_rad_is_none_in_degrees(truth, tmp_path, imported):
-    columns = {
-        "Freq [Hz]": lambda _: truth.f,
-        "F [N]": lambda force: np.full(len(truth.f), force),
-        "Displacement [m]": lambda force: force * np.abs(truth.H),
-    }
-    path = tmp_path / "a.csv"
-    stacked(truth, **columns, **{"Phase (rad)": lambda _: np.degrees(truth.lag)}).to_csv(path, index=False)
+def test_an_angle_said_to_be_in_rad_is_none_in_degrees(truth, levels, tmp_path, imported):
+    columns = {"Freq [Hz]": levels.f, "F [N]": levels.F, "Displacement [m]": levels.amplitude}
+    path = write_csv(tmp_path / "a.csv", columns | {"Phase (rad)": np.degrees(levels.lag)})
     with pytest.raises(InputError, match=r"angle in rad up to 1\d\d.*expected at most 2 pi, or --column lag_deg=NAME"):
         imported(path)
-    stacked(truth, **columns, **{"Phase (rad)": lambda _: truth.lag}).to_csv(path, index=False)
-    taken = imported(path)
+    taken = imported(write_csv(path, columns | {"Phase (rad)": levels.lag}))
     close(taken.record, truth)
     assert ("unit of angle", "rad", "found in the file") in taken.summary.rows
 
@@ -256,8 +221,7 @@ def test_a_force_that_sags_in_its_last_digit_begins_no_sweep(truth, tmp_path, im
     up = np.where(np.abs(truth.f - 10.0) < 0.3, 2.9, 3.0)
     force, f, H = np.concatenate([up, 0.0 * up + 6.0]), *(np.concatenate([x, x[::-1]]) for x in (truth.f, truth.H))
     table = {"frequency": f, "force [N]": force, "amplitude [mm]": 1e3 * force * np.abs(H), "phase": -np.angle(H)}
-    pd.DataFrame(table).to_csv(tmp_path / "a.csv", index=False)
-    record = imported(tmp_path / "a.csv").record
+    record = imported(write_csv(tmp_path / "a.csv", table)).record
     assert [len(record.of(label)) for label in record.sweeps] == [len(up), len(up)]
 
 
@@ -268,36 +232,23 @@ def test_a_row_taken_again_is_of_its_sweep(truth, tmp_path, imported):
         force = np.r_[np.full(n, 3.0), 3.0 * factor]
         amplitude = 1e3 * force * np.abs(truth.H[again])
         table = {"frequency": truth.f[again], "force [N]": force, "amplitude [mm]": amplitude}
-        pd.DataFrame(table).to_csv(tmp_path / "a.csv", index=False)
-        record = imported(tmp_path / "a.csv").record
+        record = imported(write_csv(tmp_path / "a.csv", table)).record
         assert [len(record.of(label)) for label in record.sweeps] == rows
 
 
 @pytest.mark.parametrize("header", ["Lag [deg]", "Tip lag [deg]", "Nacheilung (°)"])
-def test_a_lag_is_a_phase_and_what_is_not_read_is_listed(truth, tmp_path, imported, header):
-    columns = {
-        "Frequency [Hz]": lambda _: truth.f,
-        "Force [N]": lambda force: np.full(len(truth.f), force),
-        "Displacement [m]": lambda force: force * np.abs(truth.H),
-        "Cabin": lambda _: truth.f + 273.0,
-        header: lambda _: np.degrees(truth.lag),
-    }
-    stacked(truth, **columns).to_csv(tmp_path / "a.csv", index=False)
-    taken = imported(tmp_path / "a.csv")
+def test_a_lag_is_a_phase_and_what_is_not_read_is_listed(truth, levels, tmp_path, imported, header):
+    columns = {"Frequency [Hz]": levels.f, "Force [N]": levels.F, "Displacement [m]": levels.amplitude}
+    columns |= {"Cabin": levels.f + 273.0, header: np.degrees(levels.lag)}
+    taken = imported(write_csv(tmp_path / "a.csv", columns))
     close(taken.record, truth)
     assert ("columns not read", "'Cabin'", "no known name (--column)") in taken.summary.rows
 
 
-def test_each_column_is_scaled_by_its_header(truth, tmp_path, imported):
-    w = 2 * np.pi * truth.f
-    columns = {
-        "Frequency [Hz]": lambda _: truth.f,
-        "Force [N pk]": lambda force: np.full(len(truth.f), force),
-        "Accel [g rms]": lambda force: force * np.abs(truth.H) * w**2 / 9.80665 / 2**0.5,
-    }
-    path = tmp_path / "a.csv"
-    stacked(truth, **columns).to_csv(path, index=False)
-    close(imported(path).record, truth)
+def test_each_column_is_scaled_by_its_header(truth, levels, tmp_path, imported):
+    rms = levels.amplitude * (2 * np.pi * levels.f) ** 2 / 9.80665 / 2**0.5
+    columns = {"Frequency [Hz]": levels.f, "Force [N pk]": levels.F, "Accel [g rms]": rms}
+    close(imported(write_csv(tmp_path / "a.csv", columns)).record, truth)
 
 
 @pytest.mark.parametrize(
@@ -309,15 +260,14 @@ def test_each_column_is_scaled_by_its_header(truth, tmp_path, imported):
         ("Force [N pp]", "Accel [g pk]", ""),
     ],
 )
-def test_a_header_without_scaling_beside_one_with_it_gets_a_caution(truth, tmp_path, imported, force, motion, said):
-    columns = {"Frequency [Hz]": lambda _: truth.f, force: lambda F: np.full(len(truth.f), F)}
-    columns[motion] = lambda F: F * np.abs(truth.H)
-    stacked(truth, **columns).to_csv(tmp_path / "a.csv", index=False)
-    cautions = [note for note in imported(tmp_path / "a.csv").summary.notes if note.startswith("caution")]
+def test_a_header_without_scaling_beside_one_with_it_gets_a_caution(levels, tmp_path, imported, force, motion, said):
+    columns = {"Frequency [Hz]": levels.f, force: levels.F, motion: levels.amplitude}
+    path = write_csv(tmp_path / "a.csv", columns)
+    cautions = [note for note in imported(path).summary.notes if note.startswith("caution")]
     assert len(cautions) == bool(said)
     assert all(caution.startswith(said) for caution in cautions)
     stated = {"scaling": "rms", "force_scaling": "rms"}
-    assert not any("caution" in note for note in imported(tmp_path / "a.csv", **stated).summary.notes)
+    assert not any("caution" in note for note in imported(path, **stated).summary.notes)
 
 
 @pytest.mark.parametrize(
@@ -329,63 +279,43 @@ def test_a_header_without_scaling_beside_one_with_it_gets_a_caution(truth, tmp_p
         ("Kraft in N eff", "Weg_rms [mm]"),
     ],
 )
-def test_a_scaling_beside_the_bracket_is_heeded(truth, tmp_path, imported, force, motion):
+def test_a_scaling_beside_the_bracket_is_heeded(truth, levels, tmp_path, imported, force, motion):
     """sqrt(2) times what is rms, wherever the header says it."""
-    columns = {
-        "Frequency [Hz]": lambda _: truth.f,
-        force: lambda F: np.full(len(truth.f), F / 2**0.5),
-        motion: lambda F: 1e3 * F * np.abs(truth.H) / 2**0.5,
-    }
-    path = tmp_path / "a.csv"
-    stacked(truth, **columns).to_csv(path, index=False)
+    rms = {force: levels.F / 2**0.5, motion: 1e3 * levels.amplitude / 2**0.5}
+    path = write_csv(tmp_path / "a.csv", {"Frequency [Hz]": levels.f} | rms)
     close(imported(path).record, truth)
     by_title = {"amplitude": motion.rsplit(" ", 1)[0] if "[" in motion or "(" in motion else motion, "force": force}
     stated = {"columns": by_title, "response": "displacement"}
     close(imported(path, **stated).record, truth)
 
 
-def test_a_unit_after_a_blank_is_one(truth, tmp_path, imported):
-    columns = {
-        "frequency Hz": lambda _: truth.f,
-        "force mN": lambda F: np.full(len(truth.f), 1e3 * F),
-        "amplitude µm": lambda F: 1e6 * F * np.abs(truth.H),
-        "phase rad": lambda _: truth.lag,
-    }
-    table = stacked(truth, **columns)
-    table.insert(0, "sweep", np.repeat(["a", "b", "c"], len(truth.f)))
-    path = tmp_path / "a.csv"
-    table.to_csv(path, index=False)
-    close(imported(path).record, truth)
+def test_a_unit_after_a_blank_is_one(truth, levels, tmp_path, imported):
+    columns = {"sweep": np.repeat(["a", "b", "c"], len(truth.f)), "frequency Hz": levels.f, "force mN": 1e3 * levels.F}
+    columns |= {"amplitude µm": 1e6 * levels.amplitude, "phase rad": levels.lag}
+    close(imported(write_csv(tmp_path / "a.csv", columns)).record, truth)
 
 
-def test_one_word_of_a_name_tells_what_a_column_is(truth, tmp_path, imported):
+def test_one_word_of_a_name_tells_what_a_column_is(truth, levels, tmp_path, imported):
     """Where its unit agrees, and no other column could be meant: two motions, or two forces, are asked for."""
-    names = {"Excitation freq [Hz]": lambda F: truth.f, "Drive force (N)": lambda F: np.full(truth.f.shape, F)}
-    names["Tip_displacement (mm)"] = lambda F: 1e3 * F * np.abs(truth.H)
-    names["Phase (deg)"] = lambda F: np.degrees(truth.lag)
-    path = tmp_path / "a.csv"
-    table = stacked(truth, **names)
-    table.to_csv(path, index=False)
-    close(imported(path).record, truth)
+    columns = {"Excitation freq [Hz]": levels.f, "Drive force (N)": levels.F}
+    columns |= {"Tip_displacement (mm)": 1e3 * levels.amplitude, "Phase (deg)": np.degrees(levels.lag)}
+    path, table = tmp_path / "a.csv", pd.DataFrame(columns)
+    close(imported(write_csv(path, table)).record, truth)
     # the phase of a stated amplitude is taken by its name
-    table.rename(columns={"Tip_displacement (mm)": "w (mm)"}).to_csv(path, index=False)
+    write_csv(path, table.rename(columns={"Tip_displacement (mm)": "w (mm)"}))
     found = imported(path, columns={"amplitude": "w"}, response="displacement").record
     assert "phase" in found.table
     close(found, truth)
-    table.assign(**{"Root displacement (mm)": 1.0}).to_csv(path, index=False)
-    with pytest.raises(InputError, match="which column is the response"):
-        imported(path)
-    table.assign(**{"Static force (N)": 1.0}).to_csv(path, index=False)
-    with pytest.raises(InputError, match="force"):
-        imported(path)
+    for further, said in (("Root displacement (mm)", "which column is the response"), ("Static force (N)", "force")):
+        write_csv(path, table.assign(**{further: 1.0}))
+        with pytest.raises(InputError, match=said):
+            imported(path)
 
 
 @pytest.mark.parametrize("name", ["A", "v"])
-def test_a_letter_without_a_unit_says_no_type(truth, tmp_path, imported, name):
+def test_a_letter_without_a_unit_says_no_type(truth, levels, tmp_path, imported, name):
     """``A`` is an amplitude to some and an acceleration to others; its unit tells, or the user is asked."""
-    columns = {"f": lambda _: truth.f, "F": lambda F: np.full(len(truth.f), F), name: lambda F: F * np.abs(truth.H)}
-    path = tmp_path / "a.csv"
-    stacked(truth, **columns).rename(columns={"F": "F [N]", "f": "f [Hz]"}).to_csv(path, index=False)
+    path = write_csv(tmp_path / "a.csv", {"f [Hz]": levels.f, "F [N]": levels.F, name: levels.amplitude})
     with pytest.raises(InputError, match="type of the response is neither in the file nor stated; expected --response"):
         imported(path, consistent=True)
     close(imported(path, units={"response": "m"}).record, truth)
@@ -412,16 +342,10 @@ def test_rows_under_names_of_no_role_are_no_missing_rows(tmp_path):
         read_file(path, Stated())
 
 
-def test_readings_of_an_amplifier_leave_the_drive_as_it_is(truth, tmp_path, imported):
-    columns = {
-        "Frequency (Hz)": lambda _: truth.f,
-        "X (um)": lambda force: 1e6 * force * truth.H.real / 2**0.5,
-        "Y (um)": lambda force: 1e6 * force * truth.H.imag / 2**0.5,
-        "R (um)": lambda force: 1e6 * force * np.abs(truth.H) / 2**0.5,
-        "Force (mN)": lambda force: np.full(len(truth.f), 1e3 * force),
-    }
-    path = tmp_path / "a.csv"
-    stacked(truth, **columns).to_csv(path, index=False)
+def test_readings_of_an_amplifier_leave_the_drive_as_it_is(truth, levels, tmp_path, imported):
+    rms = 1e6 * levels.F * levels.H / 2**0.5
+    columns = {"Frequency (Hz)": levels.f, "X (um)": rms.real, "Y (um)": rms.imag, "R (um)": np.abs(rms)}
+    path = write_csv(tmp_path / "a.csv", columns | {"Force (mN)": 1e3 * levels.F})
     close(imported(path, scaling="rms").record, truth)
     doubled = imported(path, scaling="rms", force_scaling="rms").record
     np.testing.assert_allclose(doubled.column("force")[0], FORCES[0] * 2**0.5, rtol=CLOSE)
@@ -437,17 +361,10 @@ def test_readings_of_an_amplifier_leave_the_drive_as_it_is(truth, tmp_path, impo
         ("prova", "frequenza (Hz)", "forza (N)", "spostamento (mm)", "fase (°)"),
     ],
 )
-def test_headings_in_several_languages(truth, tmp_path, imported, headings):
-    label, f, force, motion, phase = headings
-    columns = {
-        label: lambda F: [f"L{F:g}"] * len(truth.f),
-        f: lambda _: truth.f,
-        force: lambda F: np.full(len(truth.f), F),
-        motion: lambda F: 1e3 * F * np.abs(truth.H),
-        phase: lambda _: -np.degrees(np.angle(truth.H)),
-    }
-    path = tmp_path / "a.csv"
-    stacked(truth, **columns).to_csv(path, index=False, sep=";", decimal=",")
+def test_headings_in_several_languages(truth, levels, tmp_path, imported, headings):
+    labels = [f"L{F:g}" for F in levels.F]
+    values = (labels, levels.f, levels.F, 1e3 * levels.amplitude, np.degrees(levels.lag))
+    path = write_csv(tmp_path / "a.csv", dict(zip(headings, values, strict=True)), sep=";", decimal=",")
     close(imported(path).record, truth)
 
 
@@ -456,17 +373,15 @@ def test_round_responses_beside_measured_forces_are_held_or_exchanged(tmp_path, 
     """Somebody chooses 4, 8, 12 N; nobody chooses 0.527 g."""
     force, a = [4.0, 8.0, 12.0], [0.527, 0.933, 1.268]
     values = (a, force) if exchanged else (force, a)
-    table = pd.DataFrame({"Run": list("abc"), "Frequency (Hz)": [25.0, 25.01, 24.99]})
-    path = tmp_path / "levels.csv"
-    table.assign(**{"Force (N)": values[0], "Acceleration (g)": values[1]}).to_csv(path, index=False)
-    notes = imported(path).summary.notes
+    columns = {"Run": list("abc"), "Frequency (Hz)": [25.0, 25.01, 24.99]}
+    columns |= {"Force (N)": values[0], "Acceleration (g)": values[1]}
+    notes = imported(write_csv(tmp_path / "levels.csv", columns)).summary.notes
     assert any("their two headings are exchanged" in note for note in notes) == exchanged
 
 
 def test_positions_are_no_readings(tmp_path):
     t = np.arange(0.0, 20.0, 0.02)
-    path = tmp_path / "roll.csv"
-    pd.DataFrame({"time": t, "x": t, "y": t, "z": t, "phi": np.cos(t)}).to_csv(path, index=False)
+    path = write_csv(tmp_path / "roll.csv", {"time": t, "x": t, "y": t, "z": t, "phi": np.cos(t)})
     with pytest.raises(InputError, match=r"which column is the response.*--column response=NAME.*--unit response"):
         read_file(path, Stated())
     silent = Stated(columns={"response": "phi"})
@@ -478,18 +393,10 @@ def test_positions_are_no_readings(tmp_path):
     np.testing.assert_allclose(history.signal, np.cos(t), rtol=1e-12)  # rad as it is
 
 
-@pytest.mark.parametrize(
-    ("header", "values", "factor"),
-    [("Freq [kHz]", 1e-3, 1.0), ("Speed [rpm]", 60.0, 1.0), ("Frequency (Hz)", 1.0, 1.0)],
-)
-def test_units_of_the_abscissa(truth, tmp_path, imported, header, values, factor):
-    columns = {
-        header: lambda _: values * truth.f,
-        "F [N]": lambda force: np.full(len(truth.f), force),
-        "Disp [m]": lambda force: force * np.abs(truth.H),
-    }
-    path = tmp_path / "a.csv"
-    stacked(truth, **columns).to_csv(path, index=False)
+@pytest.mark.parametrize(("header", "of_hertz"), [("Freq [kHz]", 1e-3), ("Speed [rpm]", 60.0), ("Frequency (Hz)", 1.0)])
+def test_units_of_the_abscissa(truth, levels, tmp_path, imported, header, of_hertz):
+    columns = {header: of_hertz * levels.f, "F [N]": levels.F, "Disp [m]": levels.amplitude}
+    path = write_csv(tmp_path / "a.csv", columns)
     stated = {"frequency": header, "amplitude": "Disp", "force": "F"} if "rpm" in header else {}
     record = imported(path, columns=stated, response="displacement").record
     close(record, truth)
@@ -500,9 +407,8 @@ def test_units_of_the_abscissa(truth, tmp_path, imported, header, values, factor
 
 
 def test_times_in_milliseconds(tmp_path):
-    path = tmp_path / "a.csv"
-    pd.DataFrame({"Time [ms]": 10.0 * np.arange(50), "Acc [g]": np.cos(np.arange(50))}).to_csv(path, index=False)
-    series, _ = read_file(path, Stated())
+    columns = {"Time [ms]": 10.0 * np.arange(50), "Acc [g]": np.cos(np.arange(50))}
+    series, _ = read_file(write_csv(tmp_path / "a.csv", columns), Stated())
     np.testing.assert_allclose(series[0].abscissa, 0.01 * np.arange(50), rtol=1e-12)
 
 
@@ -517,10 +423,10 @@ def test_times_in_milliseconds(tmp_path):
 )
 def test_what_would_be_a_guess_is_asked(tmp_path, names, said, message):
     """A real column is no half of a complex one unless said, and no angle is wrapped."""
-    path = tmp_path / "a.csv"
     f = np.linspace(9.0, 11.0, 21)
     values = {"x": f, "y": f, "roof": f, "mid": f, "A": f, "Ph": np.linspace(5, 170, 21), "Rd": np.linspace(0.1, 3, 21)}
-    pd.DataFrame({"frequency": f, "force": 1.0} | {name: values[name] for name in names}).to_csv(path, index=False)
+    columns = {"frequency": f, "force": 1.0} | {name: values[name] for name in names}
+    path = write_csv(tmp_path / "a.csv", columns)
     with pytest.raises(InputError, match=message):
         read_file(path, Stated(columns=said))
 
@@ -528,7 +434,7 @@ def test_what_would_be_a_guess_is_asked(tmp_path, names, said, message):
 def test_campaigns_are_advised_for_what_they_read(tmp_path):
     """Tables of time are one, and those of frequency if each sensor has a phase."""
     t = 0.01 * np.arange(50)
-    pd.DataFrame({"time": t, "roof [g]": np.cos(t), "mid [g]": np.sin(t)}).to_csv(tmp_path / "a.csv", index=False)
+    write_csv(tmp_path / "a.csv", {"time": t, "roof [g]": np.cos(t), "mid [g]": np.sin(t)})
     with pytest.raises(InputError, match=r"which column is the response.* response=NAME; damping campaign for all$"):
         read_file(tmp_path / "a.csv", Stated())
     scipy.io.savemat(tmp_path / "a.mat", {"freq": t, "roof": t, "mid": t, "force": 1.0})
@@ -607,12 +513,10 @@ def test_the_part_that_is_asked_for(tmp_path):
     with TdmsWriter(tmp_path / "a.tdms") as file:
         about = {"wf_increment": 1 / 512.0, "wf_start_offset": 2.0, "unit_string": "m"}
         file.write_segment([ChannelObject("g", "response", x, properties=about)])
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        file["time"], file["response"] = t, np.array([x, 2.0 * x]).T
-    with h5py.File(tmp_path / "b.h5", "w") as file:
-        file["response"], file["fs"] = x, 512.0
-    with h5py.File(tmp_path / "late.h5", "w") as file:  # the first times are closer than the others
-        file["time"], file["response"] = np.where(t < 10.0, t, 10.0 + 3.0 * (t - 10.0)), x
+    write_hdf5(tmp_path / "a.h5", {"time": t, "response": np.array([x, 2.0 * x]).T})
+    write_hdf5(tmp_path / "b.h5", {"response": x, "fs": 512.0})
+    later = np.where(t < 10.0, t, 10.0 + 3.0 * (t - 10.0))  # the first times are closer than the others
+    write_hdf5(tmp_path / "late.h5", {"time": later, "response": x})
     scipy.io.savemat(tmp_path / "a.mat", {"time": t, "response": x})
     wavfile.write(tmp_path / "a.wav", 512, x)
     for name in ("a.tdms", "a.h5", "b.h5", "late.h5", "a.mat", "a.wav"):
@@ -632,8 +536,7 @@ def test_the_part_that_is_asked_for(tmp_path):
             fewest = len(t) if name == "late.h5" else 20 * 512
             assert fewest <= len(of_part.response) <= fewest + 5
         assert len(beyond[0].response) == len(t)  # whose times the message on a wrong part names
-    with h5py.File(tmp_path / "f.h5", "w") as file:
-        file["time"], file["response"], file["force"] = t, x, np.where(t < 3.0, 1.0, 0.0)
+    write_hdf5(tmp_path / "f.h5", {"time": t, "response": x, "force": np.where(t < 3.0, 1.0, 0.0)})
     (driven,) = read_file(tmp_path / "f.h5", Stated(span=(40.0, 60.0)))[0]
     assert len(driven.response) == len(t)  # the largest force tells whether it acts on
 
@@ -672,22 +575,15 @@ def test_segments_of_labview(tmp_path):
 
 
 @pytest.mark.parametrize("header", ["Acceleration [dB]", "Accel (dB re 1 um/s2)", "Accel_dB", "HdB", "level in DB"])
-def test_decibels_are_no_amplitudes_in_any_unit(truth, tmp_path, imported, header):
+def test_decibels_are_no_amplitudes_in_any_unit(levels, tmp_path, imported, header):
     """120 + 20 lg a is above zero: with a unit that is stated it would pass for an amplitude."""
-    columns = {
-        "Frequency [Hz]": lambda _: truth.f,
-        "Force [N]": lambda force: np.full(len(truth.f), force),
-        header: lambda force: 120.0 + 20.0 * np.log10(force * np.abs(truth.H) * (2 * np.pi * truth.f) ** 2),
-    }
-    path = tmp_path / "a.csv"
-    stacked(truth, **columns).to_csv(path, index=False)
+    decibels = 120.0 + 20.0 * np.log10(levels.amplitude * (2 * np.pi * levels.f) ** 2)
+    path = write_csv(tmp_path / "a.csv", {"Frequency [Hz]": levels.f, "Force [N]": levels.F, header: decibels})
     by_place = {"amplitude": "3", "force": "2", "frequency": "1"}
     for units in ({"response": "m/s^2"}, {}):
         with pytest.raises(InputError, match=r"amplitude in decibels .*10\^\(dB/20\)"):
             imported(path, columns=by_place, response="acceleration", units=units)
-    table = pd.read_csv(path)
-    arrays = {"frequency": table["Frequency [Hz]"].to_numpy(), "force": table["Force [N]"].to_numpy()}
-    scipy.io.savemat(tmp_path / "a.mat", arrays | {"HdB": table[header].to_numpy()})
+    scipy.io.savemat(tmp_path / "a.mat", {"frequency": levels.f, "force": levels.F, "HdB": decibels})
     names = {"frequency": "frequency", "force": "force", "amplitude": "HdB"}
     with pytest.raises(InputError, match="amplitude in decibels"):
         imported(tmp_path / "a.mat", columns=names, response="acceleration", units={"response": "m/s^2", "force": "N"})
@@ -698,16 +594,10 @@ def test_other_words_are_no_decibels(text):
     refuse_decibels("amplitude", text)
 
 
-def test_a_sensor_against_the_force_is_told_how(truth, tmp_path, imported):
+def test_a_sensor_against_the_force_is_told_how(truth, levels, tmp_path, imported):
     """Its phase is pi off: no turn is passive, the reverse of one is; as told, the record is right."""
-    columns = {
-        "Frequency [Hz]": lambda _: truth.f,
-        "Force [N]": lambda force: np.full(len(truth.f), force),
-        "Displacement [mm]": lambda force: 1e3 * force * np.abs(truth.H),
-        "Phase [deg]": lambda _: 180.0 - np.degrees(truth.lag),
-    }
-    path = tmp_path / "a.csv"
-    stacked(truth, **columns).to_csv(path, index=False)
+    columns = {"Frequency [Hz]": levels.f, "Force [N]": levels.F, "Displacement [mm]": 1e3 * levels.amplitude}
+    path = write_csv(tmp_path / "a.csv", columns | {"Phase [deg]": 180.0 - np.degrees(levels.lag)})
     with pytest.raises(InputError, match=r"--reverse \(a sensor mounted against the force\), or --column"):
         imported(path)
     close(imported(path, reverse=True).record, truth)
@@ -716,12 +606,11 @@ def test_a_sensor_against_the_force_is_told_how(truth, tmp_path, imported):
 def test_a_ratio_is_not_asked_for_a_scaling(truth, tmp_path, imported):
     """An accelerance in g/N has none; what is missing is the unit of the force."""
     a = truth.H * -((2 * np.pi * truth.f) ** 2) / 9.80665
-    table = pd.DataFrame({"Frequency [Hz]": truth.f, "Real [g/N]": a.real, "Imag [g/N]": a.imag})
-    table.to_csv(tmp_path / "a.csv", index=False)
+    path = write_csv(tmp_path / "a.csv", {"Frequency [Hz]": truth.f, "Real [g/N]": a.real, "Imag [g/N]": a.imag})
     with pytest.raises(InputError, match="the unit of the force is neither") as error:
-        imported(tmp_path / "a.csv", forces=(2.0,))
+        imported(path, forces=(2.0,))
     assert error.value.expected == "--unit force=N"
-    close(imported(tmp_path / "a.csv", forces=(2.0,), units={"force": "N"}).record, truth, (2.0,))
+    close(imported(path, forces=(2.0,), units={"force": "N"}).record, truth, (2.0,))
 
 
 @pytest.mark.parametrize(
@@ -742,23 +631,16 @@ def test_the_uncertainty_of_a_phase_is_in_rad(truth, tmp_path, imported, phase, 
     lag = np.degrees(truth.lag) if degrees else truth.lag
     sd = 2.0 if said[0] == "degrees" else np.pi / 90.0
     values = (truth.f, truth.F, truth.amplitude, lag, sd)
-    path = tmp_path / "a.csv"
-    pd.DataFrame(dict(zip(names, values, strict=True))).to_csv(path, index=False)
-    found = imported(path)
+    found = imported(write_csv(tmp_path / "a.csv", dict(zip(names, values, strict=True))))
     np.testing.assert_allclose(found.record.column("phase_sd"), np.pi / 90.0, rtol=1e-12)  # roundings
     np.testing.assert_allclose(found.record.column("phase"), truth.lag, rtol=0.0, atol=1e-12)
     assert ("unit of phase_sd", *said) in found.summary.rows
 
 
 def test_attributes_say_degrees(truth, tmp_path, imported):
-    path = tmp_path / "a.h5"
-    columns = {"frequency": truth.f, "force": truth.F, "amplitude": truth.amplitude}
-    with h5py.File(path, "w") as file:
-        for name, values in (columns | {"phase": np.degrees(truth.lag), "phase_sd": np.full(41, 2.0)}).items():
-            file[name] = values
-        for name, text in {"force": "N", "amplitude": "m", "phase": "deg", "phase_sd": "deg"}.items():
-            file[name].attrs["units"] = text
-    found = imported(path, response="displacement").record
+    contents = {"frequency": truth.f, "force": (truth.F, "N"), "amplitude": (truth.amplitude, "m")}
+    contents |= {"phase": (np.degrees(truth.lag), "deg"), "phase_sd": (np.full(41, 2.0), "deg")}
+    found = imported(write_hdf5(tmp_path / "a.h5", contents), response="displacement").record
     np.testing.assert_allclose(found.column("phase"), truth.lag, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(found.column("phase_sd"), np.pi / 90.0, rtol=1e-12)
 
@@ -766,9 +648,7 @@ def test_attributes_say_degrees(truth, tmp_path, imported):
 @pytest.mark.parametrize("header", ["Phase [deg]", "Phase [rad]", "lag_deg", "phase"])
 def test_a_phase_without_a_number_is_none(truth, tmp_path, imported, header):
     columns = {"Frequency [Hz]": truth.f, "Force [N]": truth.F, "Displacement [m]": truth.amplitude}
-    path = tmp_path / "a.csv"
-    pd.DataFrame(columns | {header: np.nan, "phase_sd": np.nan}).to_csv(path, index=False)
-    found = imported(path)
+    found = imported(write_csv(tmp_path / "a.csv", columns | {header: np.nan, "phase_sd": np.nan}))
     assert not {"phase", "phase_sd"} & set(found.record.table)
     np.testing.assert_allclose(found.record.column("amplitude"), truth.amplitude, rtol=1e-12)
     assert any("holds no number" in note for note in found.summary.notes)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import contextlib
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from damping.errors import InputError
-from damping.formats.quantity import Unit, unit
+from damping.formats.quantity import unit
 
 # by definition, m, N, m/s^2
 INCH = 0.0254
@@ -66,13 +66,8 @@ def test_what_is_no_unit(text: str):
         unit(text)
 
 
-@given(st.text(max_size=80))
+@settings(max_examples=200)
+@given(st.text(max_size=80) | st.text(alphabet="mNsgin()/*^ .-²0123456789", max_size=70))
 def test_any_text_is_a_unit_or_an_error(text: str):
-    with contextlib.suppress(InputError):
-        assert isinstance(unit(text), Unit)
-
-
-@given(st.text(alphabet="mNsgin()/*^ .-²0123456789", max_size=70))
-def test_text_that_looks_like_a_unit(text: str):
     with contextlib.suppress(InputError):
         assert unit(text).factor > 0.0

@@ -3,23 +3,17 @@ name."""
 
 from __future__ import annotations
 
-import h5py
 import numpy as np
-import pandas as pd
 import pytest
 
 from damping.errors import InputError
 from damping.formats.headers import NAMES, parse_header
 from damping.formats.quantity import find_powers
 from damping.formats.roles import find_roles
+from tests.files import write_csv, write_hdf5
 
 #: Roundings of a few operations in double precision.
 CLOSE = 1e-13
-
-
-def write(path, columns):
-    pd.DataFrame(columns).to_csv(path, index=False)
-    return path
 
 
 @pytest.mark.parametrize(
@@ -45,32 +39,25 @@ def test_an_uncertainty_is_in_the_unit_of_its_own_header(truth, tmp_path, import
     sd = 0.01 * truth.amplitude
     columns = {"frequency": truth.f, "force [N]": truth.F, "force_sd [mN]": 20.0 * truth.F}
     columns |= {"amplitude [mm]": 1e3 * truth.amplitude, f"amplitude_sd [{name}]": factor * sd, "phase": truth.lag}
-    record = imported(write(tmp_path / "a.csv", columns)).record
+    record = imported(write_csv(tmp_path / "a.csv", columns)).record
     np.testing.assert_allclose(record.column("amplitude_sd"), sd, rtol=CLOSE)
     np.testing.assert_allclose(record.column("force_sd"), 0.02 * truth.F, rtol=CLOSE)
 
 
 def test_an_uncertainty_is_in_the_unit_of_its_own_attribute(truth, tmp_path, imported):
-    path, sd = tmp_path / "a.h5", 0.01 * truth.amplitude
-    with h5py.File(path, "w") as file:
-        for name, values, unit in (
-            ("frequency", truth.f, "Hz"),
-            ("force", truth.F, "N"),
-            ("amplitude", 1e3 * truth.amplitude, "mm"),
-            ("amplitude_sd", 1e6 * sd, "um"),
-        ):
-            file[name] = values
-            file[name].attrs["units"] = unit
+    sd = 0.01 * truth.amplitude
+    contents = {"frequency": (truth.f, "Hz"), "force": (truth.F, "N"), "amplitude": (1e3 * truth.amplitude, "mm")}
+    path = write_hdf5(tmp_path / "a.h5", contents | {"amplitude_sd": (1e6 * sd, "um")})
     np.testing.assert_allclose(imported(path).record.column("amplitude_sd"), sd, rtol=CLOSE)
 
 
 def test_an_uncertainty_in_another_quantity_is_refused(truth, tmp_path, imported):
     columns = {"frequency": truth.f, "force [N]": truth.F, "amplitude [mm]": truth.amplitude, "amplitude_sd [%]": 1.0}
     with pytest.raises(InputError, match="unit of amplitude_sd '%' is not understood"):
-        imported(write(tmp_path / "a.csv", columns))
+        imported(write_csv(tmp_path / "a.csv", columns))
     columns["amplitude_sd [N]"] = columns.pop("amplitude_sd [%]")
     with pytest.raises(InputError, match="amplitude_sd in N; expected the unit of its quantity, such as mm"):
-        imported(write(tmp_path / "a.csv", columns))
+        imported(write_csv(tmp_path / "a.csv", columns))
 
 
 def test_an_uncertainty_in_volts_is_scaled_as_its_amplitude(truth, tmp_path, imported):
@@ -78,7 +65,7 @@ def test_an_uncertainty_in_volts_is_scaled_as_its_amplitude(truth, tmp_path, imp
     columns = {"frequency": truth.f, "force [N]": truth.F, "amplitude [V]": truth.amplitude / 5e-3}
     columns["amplitude_sd [V]"] = 0.01 * columns["amplitude [V]"]
     stated = {"units": {"response": "mm"}, "scale": {"response": 5.0}, "response": "displacement"}
-    record = imported(write(tmp_path / "a.csv", columns), **stated).record
+    record = imported(write_csv(tmp_path / "a.csv", columns), **stated).record
     np.testing.assert_allclose(record.column("amplitude_sd"), 0.01 * truth.amplitude, rtol=CLOSE)
 
 
@@ -92,7 +79,7 @@ def test_an_uncertainty_in_volts_is_scaled_as_its_amplitude(truth, tmp_path, imp
 )
 def test_parts_of_one_phasor_are_in_one_unit(truth, tmp_path, imported, headers, message):
     parts = (truth.H.real, truth.H.imag, np.ones_like(truth.f), np.zeros_like(truth.f))
-    path = write(tmp_path / "a.csv", {"frequency": truth.f} | dict(zip(headers, parts, strict=True)))
+    path = write_csv(tmp_path / "a.csv", {"frequency": truth.f} | dict(zip(headers, parts, strict=True)))
     columns = dict(zip(("x", "y", "force_x", "force_y"), headers, strict=True))
     with pytest.raises(InputError, match=message):
         imported(path, columns=columns, scaling="peak")
@@ -106,7 +93,7 @@ def test_a_lag_behind_the_force_needs_no_phase_of_the_force(truth, tmp_path, imp
     columns[name] = np.degrees(truth.lag) if name == "lag_deg" else truth.lag
     stated = {"response": "displacement", "consistent": True, "scaling": "peak"}
     roles = {"force_x": "fx", "force_y": "fy", "amplitude": "amplitude", name: name}
-    record = imported(write(tmp_path / "a.csv", columns), columns=roles, **stated).record
+    record = imported(write_csv(tmp_path / "a.csv", columns), columns=roles, **stated).record
     np.testing.assert_allclose(record.column("phase"), truth.lag, rtol=0.0, atol=CLOSE)
     np.testing.assert_allclose(record.column("force"), truth.F, rtol=CLOSE)
 
@@ -130,14 +117,14 @@ def test_columns_of_one_name_are_told_apart_by_number(truth, tmp_path, imported,
 def test_the_phase_is_told_from_columns_that_begin_so(truth, tmp_path, imported, before):
     columns = {"frequency": truth.f, "force [N]": truth.F, "amplitude [mm]": 1e3 * truth.amplitude, before: 1.0}
     columns["Phase [deg]"] = np.degrees(truth.lag)
-    record = imported(write(tmp_path / "a.csv", columns)).record
+    record = imported(write_csv(tmp_path / "a.csv", columns)).record
     np.testing.assert_allclose(record.column("phase"), truth.lag, rtol=0.0, atol=CLOSE)
 
 
 def test_of_two_phases_the_one_is_asked_for(truth, tmp_path, imported):
     columns = {"frequency": truth.f, "force [N]": truth.F, "Displacement [mm]": 1e3 * truth.amplitude}
     columns |= {"Phase 1 [deg]": 30.0 + np.degrees(truth.lag), "Phase 2 [deg]": np.degrees(truth.lag)}
-    path = write(tmp_path / "a.csv", columns)
+    path = write_csv(tmp_path / "a.csv", columns)
     with pytest.raises(InputError, match="line 1: several columns are 'phase'"):
         imported(path)
     stated = {"amplitude": "Displacement", "lag_deg": "Phase 2"}

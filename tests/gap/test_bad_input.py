@@ -50,7 +50,7 @@ def confident(found):
     return () if found.unexplained or first.probability <= 0.95 else first.effects
 
 
-def test_no_phase(lab, honest):
+def test_a_record_without_phases_is_asked_for_no_lag(lab, honest):
     found, said = answer(honest(phase=None, phase_sd=None), lab.mode())
     assert "no phase" in said
     assert found.leading.effects == ()
@@ -58,7 +58,7 @@ def test_no_phase(lab, honest):
     assert {cell.quantity for cell in found.where} == {"amplitude"}
 
 
-def test_one_level(lab, honest):
+def test_one_level_is_said_and_accuses_nobody(lab, honest):
     found, said = answer(honest({"levels": 1, "points": 20}), lab.mode(None, None))
     assert "one force level" in said
     assert "repeatability is not stated" in said
@@ -66,7 +66,7 @@ def test_one_level(lab, honest):
     assert found.leading.effects == ()
 
 
-def test_two_points(lab, honest):
+def test_two_rows_a_sweep_name_nothing_with_confidence(lab, honest):
     found, said = answer(honest(keep=lambda table: table.index.isin([4, 7])), lab.mode())
     assert "fewer than 3 rows in sweep A" in said
     assert confident(found) == ()

@@ -189,40 +189,35 @@ def test_noise_that_was_estimated_has_nodes_of_its_uncertainty():
     np.testing.assert_allclose(p @ ln**2, 0.01, rtol=0.12, atol=0.0)
 
 
-def test_errors_of_neighbours_are_freed_of_their_correlation(lab):
-    """Against the density of a Gaussian process of covariance rho^|i - j| along each sweep."""
+@pytest.fixture(scope="module")
+def two_sweeps(lab):
+    """What is fitted to a record of the simulation itself, and its rows with no phases in the first of two sweeps."""
     rows = lab.bench(levels=2, points=7).rows
     start = setting(lab.record(rows, lab.linear(rows), 8), lab.mode())
-    model = Search(start.problem, {}, start.unknowns).run().ranked()[0].plain.model
-    r = np.random.default_rng(5).normal(size=28)
+    unmeasured = replace(start.problem.rows, sd_phase=np.where(start.problem.rows.sweep == 0, UNSEEN, 0.01))
+    return Search(start.problem, {}, start.unknowns).run().ranked()[0], unmeasured
+
+
+@pytest.mark.parametrize("all_measured", [True, False])
+def test_errors_of_neighbours_are_freed_of_their_correlation(two_sweeps, all_measured):
+    """Against the density of a Gaussian process of covariance rho^|i - j| along each sweep, where it was measured."""
+    leading, unmeasured = two_sweeps
+    model = leading.plain.model
+    model = model if all_measured else replace(model, problem=replace(model.problem, rows=unmeasured))
+    measured = model.problem.rows.measured
+    r = np.random.default_rng(5).normal(size=28) * measured
     white, log_det = decorrelate(r, model, 0.6)
     block = 0.6 ** np.abs(np.subtract.outer(np.arange(7), np.arange(7)))
-    covariance = np.kron(np.eye(4), block)  # two sweeps, of amplitude and of phase
-    expected = -0.5 * r @ np.linalg.solve(covariance, r) - 0.5 * np.linalg.slogdet(covariance)[1]
-    np.testing.assert_allclose(-0.5 * white @ white + log_det, expected, rtol=0.0, atol=1e-10)  # rounding
-
-
-def test_values_that_were_not_measured_have_no_neighbours(lab):
-    """The density of the second sweep alone where the first has no phases, and no residuals."""
-    rows = lab.bench(levels=2, points=7).rows
-    start = setting(lab.record(rows, lab.linear(rows), 8), lab.mode())
-    model = Search(start.problem, {}, start.unknowns).run().ranked()[0].plain.model
-    unmeasured = replace(start.problem.rows, sd_phase=np.where(start.problem.rows.sweep == 0, UNSEEN, 0.01))
-    model = replace(model, problem=replace(model.problem, rows=unmeasured))
-    r = np.random.default_rng(5).normal(size=28) * unmeasured.measured
-    white, log_det = decorrelate(r, model, 0.6)
-    covariance = np.kron(np.eye(3), 0.6 ** np.abs(np.subtract.outer(np.arange(7), np.arange(7))))
-    expected = -0.5 * r[unmeasured.measured] @ np.linalg.solve(covariance, r[unmeasured.measured])
+    covariance = np.kron(np.eye(4 if all_measured else 3), block)  # two sweeps, of amplitude and of phase
+    expected = -0.5 * r[measured] @ np.linalg.solve(covariance, r[measured])
     expected -= 0.5 * np.linalg.slogdet(covariance)[1]
     np.testing.assert_allclose(-0.5 * white @ white + log_det, expected, rtol=0.0, atol=1e-10)  # rounding
 
 
-def test_neighbours_are_compared_where_both_are_measured(lab):
+def test_neighbours_are_compared_where_both_are_measured(two_sweeps):
     """z = sum of products of measured neighbours over the root of their number: 18 pairs, not 24."""
-    rows = lab.bench(levels=2, points=7).rows
-    start = setting(lab.record(rows, lab.linear(rows), 8), lab.mode())
-    fit = Search(start.problem, {}, start.unknowns).run().ranked()[0].best
-    unmeasured = replace(start.problem.rows, sd_phase=np.where(start.problem.rows.sweep == 0, UNSEEN, 0.01))
+    leading, unmeasured = two_sweeps
+    fit = leading.best
     problem = replace(fit.model.problem, rows=unmeasured)
     alike = replace(fit, model=replace(fit.model, problem=problem), r=1.0 * unmeasured.measured)
     (test,) = (test for test in directed_tests(alike) if test.name == "neighbours alike")

@@ -13,10 +13,8 @@ from scipy.integrate import solve_ivp
 from scipy.special import gamma
 
 from damping.effects import CATALOGUE, FOREIGN, with_effects
-from damping.effects.contact import Contact, Rub
 from damping.effects.contract import Drive, Terms
 from damping.effects.forces import joint_force
-from damping.effects.foreign import FallingFriction
 from damping.effects.moving import _Envelope, _integrate
 from damping.effects.rig import clipping, compressing, integrate_third, recorded_third
 from damping.effects.terms import predict, third_harmonic
@@ -51,6 +49,13 @@ def receptance(omega, terms=TERMS, **drive):
     """Predicted phasor over force of terms that do not depend on amplitude."""
     found = predict(terms, np.zeros(len(omega)), Drive(np.ones(len(omega)), omega, **drive)).P
     return np.exp(found)[0] if found.ndim == 2 else np.exp(found)
+
+
+def simulate(force, frequency, *, stiffness=(MASS * OMEGA**2, 0.002), damping=(VISCOUS, 0.05)):
+    """The mode as a user's own function."""
+    omega = 2 * np.pi * frequency
+    Y = stiffness - MASS * omega**2 + 1j * damping * omega
+    return force / np.abs(Y), np.angle(Y)
 
 
 def altered(lab, name, table, seed=3, **drive):
@@ -219,14 +224,24 @@ def test_joints_of_evenly_spread_limits():
     np.testing.assert_allclose(S, -0.5 * A**2, rtol=1e-3)  # and what is none to a thousandth
 
 
-def test_third_harmonic_of_a_cubic_spring():
-    """k3 (A sin)^3 = k3 A^3 (3 sin theta - sin 3 theta)/4."""
-    k3, A, phase, omega = 700.0, 0.05, 0.7, np.array([1.01 * OMEGA])
-    stiffening = CATALOGUE["stiffness-hardening"]
-    terms = stiffening.simulate(TERMS, stiffening.complete({"coefficient": k3}))
+K3, K = 700.0, 40.0
+
+
+@pytest.mark.parametrize(
+    ("terms", "third", "off"),
+    [
+        # k3 (A sin)^3 = k3 A^3 (3 sin theta - sin 3 theta)/4
+        (with_effects(TERMS, {"stiffness-hardening": {"coefficient": K3}}), K3 * 0.05**3 / 4.0, 1e-10),  # rounding
+        # k |A sin theta| sgn(cos theta) = (2 k A/pi)(cos theta - cos 3 theta + ..): 24 points of a jump
+        (Terms(MASS, OMEGA, (make("displacement", coefficient=K),), 1), 2j * K * 0.05 / np.pi, 0.01),
+    ],
+    ids=["a cubic spring", "damping in proportion to displacement"],
+)
+def test_third_harmonic_of_the_motion_is_that_of_the_force_over_the_stiffness(terms, third, off):
+    A, phase, omega = 0.05, 0.7, np.array([1.01 * OMEGA])
     found = third_harmonic(terms, np.array([A]), np.array([phase]), Drive(np.ones(1), omega))
-    expected = k3 * A**3 / 4.0 / (MASS * (OMEGA**2 - 9.0 * omega**2)) * np.exp(-3j * phase)
-    np.testing.assert_allclose(np.ravel(found), expected, rtol=1e-10, atol=0.0)  # rounding
+    expected = third / (MASS * (OMEGA**2 - 9.0 * omega**2)) * np.exp(-3j * phase)
+    np.testing.assert_allclose(np.ravel(found), expected, rtol=off, atol=0.0)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -254,15 +269,6 @@ def test_a_constant_restoring_force_is_named_by_the_sense_of_its_stiffness(lab, 
     first, second = search.run().ranked()[:2]
     assert first.effects == (names[0 if sign > 0.0 else 1],)
     assert first.log_evidence > second.log_evidence + 6.0  # odds of 400: a change in the other sense does not fit
-
-
-def test_third_harmonic_of_damping_in_proportion_to_displacement():
-    """k |A sin theta| sgn(cos theta) = (2 k A/pi)(cos theta - cos 3 theta + ..): C is linear in A, no sine."""
-    k, A, phase, omega = 40.0, 0.05, 0.7, np.array([1.01 * OMEGA])
-    terms = Terms(MASS, OMEGA, (make("displacement", coefficient=k),), 1)
-    found = third_harmonic(terms, np.array([A]), np.array([phase]), Drive(np.ones(1), omega))
-    expected = 2j * k * A / np.pi / (MASS * (OMEGA**2 - 9.0 * omega**2)) * np.exp(-3j * phase)
-    np.testing.assert_allclose(np.ravel(found), expected, rtol=0.01, atol=0.0)  # 24 points of a jump
 
 
 @pytest.mark.parametrize(
@@ -496,11 +502,6 @@ def test_motion_across_one_plane_is_told(lab, share, told):
 def test_a_simulation_of_the_users_own(lab):
     """A mode as a function, off in one of its parameters by two tolerances, and read with a wrong lag."""
 
-    def simulate(force, frequency, *, stiffness=(MASS * OMEGA**2, 0.002), damping=(VISCOUS, 0.05)):
-        omega = 2 * np.pi * frequency
-        Y = stiffness - MASS * omega**2 + 1j * damping * omega
-        return force / np.abs(Y), np.angle(Y)
-
     rows = lab.bench(levels=2, points=14).rows
     cells = lab.linear(rows, omega=lab.omega * np.sqrt(1.004))
     record = lab.record(rows, replace(cells, phase=cells.phase + 0.08), 2)
@@ -516,14 +517,12 @@ def test_a_simulation_of_the_users_own(lab):
 def test_a_parameter_of_a_simulator_may_have_the_name_of_one_of_the_mode(lab):
     """An effect on the viscous damping of the mode does not remove the simulator's own ``viscous`` from the answer."""
 
-    def simulate(force, frequency, *, viscous=(VISCOUS, 0.001)):
-        omega = 2 * np.pi * frequency
-        Y = MASS * (OMEGA**2 - omega**2) + 1j * viscous * omega
-        return force / np.abs(Y), np.angle(Y)
+    def named(force, frequency, *, viscous=(VISCOUS, 0.001)):
+        return simulate(force, frequency, stiffness=MASS * OMEGA**2, damping=viscous)
 
     rows = lab.bench(levels=2, points=14).rows
     record, library = lab.record(rows, lab.linear(rows, viscous=1.5 * VISCOUS), 4), "viscous-coefficient"
-    result = DiagnosisResult(limited({library: CATALOGUE[library]}, diagnose, record, lab.mode(), simulate=simulate))
+    result = DiagnosisResult(limited({library: CATALOGUE[library]}, diagnose, record, lab.mode(), simulate=named))
     assert result.diagnosis.leading.effects == (library,)
     head = re.search(r"with viscous = ([0-9]+[.][0-9]+)", _describe_model(result).replace("\n# ", " "))
     np.testing.assert_allclose(float(head.group(1)), VISCOUS, rtol=0.005)  # five tolerances
@@ -534,22 +533,20 @@ def test_a_parameter_of_a_simulator_may_have_the_name_of_one_of_the_mode(lab):
 def test_a_mass_on_the_structure_of_a_simulator_is_in_the_prediction(lab, states):
     """The function knows no added mass: F/|k - (M + m) omega^2 + i c omega| still follows, in closed form."""
 
-    def simulate(force, frequency, *, stiffness=(MASS * OMEGA**2, 0.001)):
-        omega = 2 * np.pi * frequency
-        Y = stiffness - MASS * omega**2 + 1j * VISCOUS * omega
-        return force / np.abs(Y), np.angle(Y)
+    def bare(force, frequency, *, stiffness=(MASS * OMEGA**2, 0.001)):
+        return simulate(force, frequency, stiffness=stiffness, damping=VISCOUS)
 
-    added, bare = 0.2 * MASS, lab.bench(levels=2, points=14).rows
-    moved = replace(bare, omega=bare.omega / np.sqrt(1.2))
+    added, rows = 0.2 * MASS, lab.bench(levels=2, points=14).rows
+    moved = replace(rows, omega=rows.omega / np.sqrt(1.2))
     Y = MASS * OMEGA**2 - (MASS + added) * moved.omega**2 + 1j * VISCOUS * moved.omega
-    light = lab.record(bare, lab.linear(bare), 2)
+    light = lab.record(rows, lab.linear(rows), 2)
     heavy = lab.record(moved, lab.cells(moved.force / np.abs(Y), np.angle(Y)), 3)
     if states:
         mode = replace(lab.mode(), mass=MASS + added, frequency=lab.mode().frequency / np.sqrt(1.2))
-        start = setting(light, lab.mode(), states=[(heavy, mode)], simulate=simulate)
+        start = setting(light, lab.mode(), states=[(heavy, mode)], simulate=bare)
     else:
         tables = light.frame.assign(added_mass=0.0), heavy.frame.assign(added_mass=added, sweep=heavy.frame.sweep + "m")
-        start = setting(Record(pd.concat(tables, ignore_index=True)), lab.mode(), simulate=simulate)
+        start = setting(Record(pd.concat(tables, ignore_index=True)), lab.mode(), simulate=bare)
     best = Search(start.problem, {}, start.unknowns).run().ranked()[0].best
     assert np.sqrt(np.mean(best.r**2)) < 1.2  # noise alone
 
@@ -557,36 +554,31 @@ def test_a_mass_on_the_structure_of_a_simulator_is_in_the_prediction(lab, states
 @pytest.mark.parametrize(
     ("pair", "said"),
     [
-        (
-            (1.0, -0.1),
-            "the tolerance of parameter k of the simulator is -0.1; expected a relative standard uncertainty",
-        ),
-        ((1.0, np.nan), "the tolerance of parameter k of the simulator is nan"),
-        ((1.0, np.inf), "the tolerance of parameter k of the simulator is inf"),
-        ((np.nan, 0.1), "parameter k of the simulator is nan; expected a finite number"),
-        ((-np.inf, 0.1), "parameter k of the simulator is -inf"),
+        ((1.0, -0.1), "the tolerance of {} is -0.1; expected a relative standard uncertainty"),
+        ((1.0, np.nan), "the tolerance of {} is nan"),
+        ((1.0, np.inf), "the tolerance of {} is inf"),
+        ((np.nan, 0.1), "{} is nan; expected a finite number"),
+        ((-np.inf, 0.1), "{} is -inf"),
     ],
 )
 def test_parameters_of_a_simulator_that_are_none(lab, pair, said):
-    def simulate(force, frequency, *, k=pair):
+    def scaled(force, frequency, *, k=pair):
         return k * force, frequency
 
-    with pytest.raises(InputError, match=said):
-        setting(lab.record(lab.bench().rows, lab.linear(lab.bench().rows)), lab.mode(), simulate=simulate)
+    with pytest.raises(InputError, match=said.format("parameter k of the simulator")):
+        Simulator.read(scaled, lab.mode())
 
 
 def test_a_parameter_of_a_simulator_without_a_tolerance_is_fixed(lab):
-    def simulate(force, frequency, *, stiffness=(MASS * OMEGA**2, 0.002), damping=(VISCOUS, 0.0)):
-        omega = 2 * np.pi * frequency
-        Y = stiffness - MASS * omega**2 + 1j * damping * omega
-        return force / np.abs(Y), np.angle(Y)
+    def held(force, frequency, *, stiffness=(MASS * OMEGA**2, 0.002), damping=(VISCOUS, 0.0)):
+        return simulate(force, frequency, stiffness=stiffness, damping=damping)
 
     rows = lab.bench(levels=2, points=14).rows
-    start = setting(lab.record(rows, lab.linear(rows), 2), lab.mode(), simulate=simulate)
+    start = setting(lab.record(rows, lab.linear(rows), 2), lab.mode(), simulate=held)
     best = Search(start.problem, {}, start.unknowns).run().ranked()[0].best
     assert np.isfinite(best.r).all()
-    held = {name: str(value) for name, value in refitted_values(best).items() if name != "stiffness"}
-    assert held == dict.fromkeys(("frequency", "mass", "viscous", "damping"), "0.0")  # and no rounding of 1, no -0
+    others = {name: str(value) for name, value in refitted_values(best).items() if name != "stiffness"}
+    assert others == dict.fromkeys(("frequency", "mass", "viscous", "damping"), "0.0")  # and no rounding of 1, no -0
 
 
 @pytest.mark.parametrize(
@@ -603,13 +595,11 @@ def test_a_parameter_of_a_simulator_without_a_tolerance_is_fixed(lab):
     ],
 )
 def test_an_answer_of_a_simulator_that_is_none_is_refused_as_of_a_record(lab, wrong, said):
-    def simulate(force, frequency, *, stiffness=(MASS * OMEGA**2, 0.002), damping=(VISCOUS, 0.05)):
-        omega = 2 * np.pi * frequency
-        Y = stiffness - MASS * omega**2 + 1j * damping * omega
-        return wrong(force / np.abs(Y), np.angle(Y))
+    def misread(force, frequency, *, stiffness=(MASS * OMEGA**2, 0.002), damping=(VISCOUS, 0.05)):
+        return wrong(*simulate(force, frequency, stiffness=stiffness, damping=damping))
 
     with pytest.raises(InputError, match=said):
-        limited({}, explain, lab.measured("phase-lag"), lab.mode(), simulate=simulate)
+        limited({}, explain, lab.measured("phase-lag"), lab.mode(), simulate=misread)
 
 
 @pytest.mark.parametrize(
@@ -633,11 +623,6 @@ def test_an_answer_of_a_simulator_that_is_none_names_its_fault(lab, answer, said
 
 def test_damping_of_the_mode_file_excludes_no_effect_of_a_simulator(lab):
     """The mode file names a force that the user's function does not simulate, and the structure has it."""
-
-    def simulate(force, frequency, *, stiffness=(MASS * OMEGA**2, 0.002), damping=(VISCOUS, 0.05)):
-        omega = 2 * np.pi * frequency
-        Y = stiffness - MASS * omega**2 + 1j * damping * omega
-        return force / np.abs(Y), np.angle(Y)
 
     named = {"viscous": {"coefficient": VISCOUS}, "velocity-squared": {"coefficient": 1.0}}
     effects = {name: CATALOGUE[name] for name in ("velocity-squared", "quadratic-displacement", "stiffness-hardening")}
@@ -727,58 +712,6 @@ def test_ways_of_a_sweep_do_not_remember_each_other():
     np.testing.assert_allclose(both, np.concatenate([up, down]), rtol=1e-12)
     batch = remembered(np.stack([p, p]), np.stack([np.full(3, 0.5), np.full(3, -0.5)]), omega, np.zeros(3))
     np.testing.assert_allclose(batch, np.stack([up, down]), rtol=1e-12)
-
-
-def test_a_contact_beyond_a_clearance_has_the_averages_of_its_force():
-    """S and dS/d ln A against the mean over a sampled cycle, below and above the clearance."""
-    force, A = Contact(40.0, 0.02), np.array([0.01, 0.021, 0.05, 0.4])
-    theta = 2.0 * np.pi * (np.arange(20_000)[:, np.newaxis] + 0.5) / 20_000
-
-    def sampled(A):
-        return 2.0 * np.mean(force.g(A * np.sin(theta), 1.0, 1.0) * np.sin(theta), axis=0)
-
-    C, slope, S, in_phase_slope = force.averages(A, np.ones(4))
-    assert not C.any()
-    assert not slope.any()
-    # corners lie within a step of the cycle, which leaves its square; a difference over 1e-3 its square too
-    np.testing.assert_allclose(S, sampled(A), rtol=1e-6, atol=1e-9)
-    numeric = (sampled(A * np.exp(1e-3)) - sampled(A * np.exp(-1e-3))) / 2e-3
-    np.testing.assert_allclose(in_phase_slope, numeric, rtol=1e-4, atol=1e-6)
-
-
-def test_a_rub_has_the_averages_of_its_force():
-    """C and dC/d ln A against the mean over a sampled cycle, below and above the clearance."""
-    force, A = Rub(40.0, 0.02), np.array([0.01, 0.021, 0.05, 0.4])
-    theta = 2.0 * np.pi * (np.arange(20_000)[:, np.newaxis] + 0.5) / 20_000
-
-    def sampled(A):
-        cosine = np.cos(theta)
-        return 2.0 * np.mean(force.g(A * np.sin(theta), 1.0, np.sign(cosine)) * cosine, axis=0)
-
-    C, slope, S, _ = force.averages(A, np.ones(4))
-    assert not np.any(S)
-    # it jumps at the clearance, within a step of 3e-4 of the cycle: 40 times 3e-4
-    np.testing.assert_allclose(C, sampled(A), atol=0.02)
-    above, below = (force.quadrature(A * np.exp(step), 1.0) for step in (1e-4, -1e-4))
-    np.testing.assert_allclose(slope, (above - below) / 2e-4, rtol=1e-6)  # the square of the step, rounding over it
-    cosine = np.cos(theta)
-    third = 2j * np.mean(force.g(A * np.sin(theta), 1.0, np.sign(cosine)) * np.exp(-3j * theta), axis=0)
-    np.testing.assert_allclose(force.third(A, np.ones(4)), third, atol=0.02)  # as C
-
-
-def test_friction_that_falls_with_speed_has_the_averages_of_its_force():
-    """C against the mean over a sampled cycle (the midpoint rule is off by the jump of cos, (pi/n)^2); dC/d ln A."""
-    force, A = FallingFriction(3.0, 0.5), np.array([0.001, 0.05, 0.2, 2.0])
-    theta = 2.0 * np.pi * (np.arange(200_000)[:, np.newaxis] + 0.5) / 200_000
-
-    def sampled(A):
-        cosine = np.cos(theta)
-        return 2.0 * np.mean(force.g(0.0, 7.0 * A * np.abs(cosine), np.sign(cosine)) * cosine, axis=0)
-
-    C, slope, _, _ = force.averages(A, 7.0)
-    np.testing.assert_allclose(C, sampled(A), rtol=1e-7)
-    numeric = (sampled(A * np.exp(1e-3)) - sampled(A * np.exp(-1e-3))) / 2e-3
-    np.testing.assert_allclose(slope, numeric, rtol=1e-4, atol=1e-6)
 
 
 def test_memory_is_a_spring_behind_a_dashpot():

@@ -81,12 +81,8 @@ def test_a_phase_offset_stays_one(lab, times, among):
     """Of three damping ratios, or of one the other way: no structural damping of this loss makes it."""
     rows = lab.bench().rows
     cells = lab.linear(rows)
-    found = limited(
-        among("time-delay"),
-        diagnose,
-        lab.record(rows, lab.cells(cells.amplitude, cells.phase + times * lab.xi), 6),
-        lab.mode(),
-    )
+    record = lab.record(rows, lab.cells(cells.amplitude, cells.phase + times * lab.xi), 6)
+    found = limited(among("time-delay"), diagnose, record, lab.mode())
     assert found.leading.effects == ("phase-lag",)
     assert all("displacement" not in group.effects for group in found.groups)
 

@@ -11,9 +11,9 @@ import pytest
 
 from damping.arrays import RAD_S_PER_HZ
 from damping.effects import CATALOGUE
-from damping.effects.contact import LooseDashpot
+from damping.effects.contact import Contact, LooseDashpot, Rub
 from damping.effects.contract import Drive, Terms
-from damping.effects.foreign import DisplacementPower, SqueezedFilm
+from damping.effects.foreign import DisplacementPower, FallingFriction, SqueezedFilm
 from damping.effects.masses import OTHER_ADDED_MASS, VaryingMass
 from damping.effects.terms import predict
 from damping.forces import make
@@ -32,19 +32,6 @@ pytestmark = pytest.mark.usefixtures("no_folds")
 THETA = 2.0 * np.pi * (np.arange(20_000)[:, np.newaxis] + 0.5) / 20_000
 
 
-def test_a_damper_beyond_a_clearance_has_the_averages_of_its_force():
-    """C, dC/d ln A and the third harmonic against the mean over a sampled cycle, below and above the clearance."""
-    force, A, omega = LooseDashpot(40.0, 0.02), np.array([0.01, 0.021, 0.05, 0.4]), 1.7 * np.ones(4)
-    own = force.g(A * np.sin(THETA), np.abs(1.7 * A * np.cos(THETA)), np.sign(np.cos(THETA)))
-    C, slope, S, _ = force.averages(A, omega)
-    assert not np.any(S)
-    # it jumps at the clearance, within a step of 3e-4 of the cycle: 40 times 1.7 times 0.4 times 3e-4
-    np.testing.assert_allclose(C, 2.0 * np.mean(own * np.cos(THETA), axis=0), atol=0.01)
-    np.testing.assert_allclose(force.third(A, omega), 2j * np.mean(own * np.exp(-3j * THETA), axis=0), atol=0.01)
-    above, below = (force.quadrature(A * np.exp(step), omega) for step in (1e-4, -1e-4))
-    np.testing.assert_allclose(slope, (above - below) / 2e-4, rtol=1e-6)  # the square of the step, rounding over it
-
-
 @pytest.mark.parametrize("power", [0.5, 2.0])
 def test_hysteresis_of_any_power_has_the_averages_of_its_force(power):
     """C and the third harmonic of R |q|^m sgn q' in closed form: the latter is 1 - 4 (m + 1)/(m + 3) of C, times i."""
@@ -56,19 +43,6 @@ def test_hysteresis_of_any_power_has_the_averages_of_its_force(power):
     # 24 points of half a cycle: 1 % of a force that jumps
     third = 1j * C * (1.0 - 4.0 * (power + 1.0) / (power + 3.0))
     np.testing.assert_allclose(np.ravel(force.third(A, omega)), third, rtol=0.01)
-
-
-def test_a_squeezed_film_has_the_averages_of_its_force():
-    """c q'/(1 - q/h)^3: C, dC/d ln A and the third harmonic against the mean over a sampled cycle."""
-    force, A, omega = SqueezedFilm(2.0, 0.5), np.array([0.01, 0.2, 0.4]), 1.7 * np.ones(3)
-    own = 2.0 * A * 1.7 * np.cos(THETA) / (1.0 - A * np.sin(THETA) / 0.5) ** 3
-    C, slope, S, _ = force.averages(A, omega)
-    assert not np.any(S)
-    np.testing.assert_allclose(C, 2.0 * np.mean(own * np.cos(THETA), axis=0), rtol=1e-9)  # smooth: rounding
-    third = 2j * np.mean(own * np.exp(-3j * THETA), axis=0)
-    np.testing.assert_allclose(force.third(A, omega), third, rtol=1e-9, atol=1e-12)
-    above, below = (force.quadrature(A * np.exp(step), omega) for step in (1e-4, -1e-4))
-    np.testing.assert_allclose(slope, (above - below) / 2e-4, rtol=1e-6)  # the square of the step
 
 
 @pytest.mark.parametrize(("odds", "beyond"), [(0.5, 0), (-2.0, 1)])
@@ -96,6 +70,35 @@ def test_hysteresis_of_the_square_of_displacement_is_told_by_its_third_harmonic(
     found = limited(among("displacement-velocity", "quadratic-displacement"), explain, record, lab.mode())
     assert found.in_library < 0.5
     assert any("another power of velocity or displacement explains" in caution for caution in found.cautions)
+
+
+FORCES = {
+    "a contact": (Contact(40.0, 0.02), {"rtol": 1e-6, "atol": 1e-9}, None),  # corners, within a step of the cycle
+    # these jump at the clearance, within a step of 3e-4 of the cycle: 40 times 3e-4, and times the speed
+    "a rub": (Rub(40.0, 0.02), {"atol": 0.02}, {"atol": 0.02}),
+    "a loose dashpot": (LooseDashpot(40.0, 0.02), {"atol": 0.01}, {"atol": 0.01}),
+    "falling friction": (FallingFriction(3.0, 0.5), {"rtol": 1e-7}, None),  # the jump of cos, (pi/n)^2
+    "a squeezed film": (SqueezedFilm(2.0, 0.5), {"rtol": 1e-9, "atol": 1e-12}, {"rtol": 1e-9, "atol": 1e-12}),  # smooth
+}
+
+
+@pytest.mark.parametrize(("force", "off", "off_third"), FORCES.values(), ids=FORCES)
+def test_a_force_without_a_name_has_the_averages_of_its_cycle(force, off, off_third):
+    """C, S and the third harmonic against the mean over a sampled cycle, below and above a clearance; slopes."""
+    A, w = np.array([0.01, 0.021, 0.05, 0.4]), 1.7 * np.ones(4)
+    theta = 2.0 * np.pi * (np.arange(200_000)[:, np.newaxis] + 0.5) / 200_000
+    g = force.g(A * np.sin(theta), np.abs(w * A * np.cos(theta)), np.sign(np.cos(theta)))
+    C, slope, S, in_phase_slope = (part + 0.0 * A for part in force.averages(A, w))
+    of_spring = isinstance(force, Contact)
+    assert not np.any(C if of_spring else S)
+    weight = np.sin(theta) if of_spring else np.cos(theta)
+    np.testing.assert_allclose(S if of_spring else C, 2.0 * np.mean(g * weight, axis=0), **off)
+    if off_third:
+        third = 2j * np.mean(g * np.exp(-3j * theta), axis=0)
+        np.testing.assert_allclose(force.third(A, w), third, **off_third)
+    above, below = (force.averages(A * np.exp(step), w) for step in (1e-4, -1e-4))
+    for found, part in ((slope, 0), (in_phase_slope, 2)):  # the square of the step, rounding over it
+        np.testing.assert_allclose(found, (above[part] - below[part]) / 2e-4 + 0.0 * A, rtol=1e-6, atol=1e-12)
 
 
 @pytest.mark.parametrize("power", [2.0, 1.0])
@@ -165,12 +168,8 @@ def test_inertia_that_varies_is_no_spring_that_softens(lab, added, among):
 
     rows = lab.bench(levels=4, points=24).rows
     states = [("a", rows, 0.0), *[("b", rows, 0.25 * lab.mass)] * added]
-    found = limited(
-        among("stiffness-softening", "slip"),
-        explain,
-        make_record(lab, states, lambda A, omega: -0.5 * growth * (A * omega) ** 2, third),
-        lab.mode(),
-    )
+    record = make_record(lab, states, lambda A, omega: -0.5 * growth * (A * omega) ** 2, third)
+    found = limited(among("stiffness-softening", "slip"), explain, record, lab.mode())
     assert "stiffness-softening" in found.leading.effects
     assert found.hypotheses[0].probability < 0.95
     assert any("a mass that varies with the motion explains" in caution for caution in found.cautions)
@@ -219,12 +218,8 @@ def test_a_joint_that_opens_is_no_stiffness_that_falls_with_a_power(lab, among):
         x = np.minimum(clearance / A, 1.0)
         return -0.5 * lost * (1.0 - (2.0 / np.pi) * (np.arcsin(x) + x * np.sqrt(1.0 - x * x)))
 
-    found = limited(
-        among("stiffness-softening", "slip"),
-        explain,
-        make_record(lab, [("a", lab.bench(levels=3, points=30).rows, 0.0)], stiffness),
-        lab.mode(),
-    )
+    record = make_record(lab, [("a", lab.bench(levels=3, points=30).rows, 0.0)], stiffness)
+    found = limited(among("stiffness-softening", "slip"), explain, record, lab.mode())
     assert found.leading.effects
     assert found.in_library < 0.5
     assert any("a joint that opens, beyond a clearance explains the record better" in text for text in found.cautions)
@@ -255,12 +250,8 @@ def test_what_takes_up_all_that_a_new_state_says_is_no_explanation(lab, among):
     top = lab.bench(levels=1, points=24).rows
     record = make_record(lab, [("a", rows, 0.0), ("b", top, 0.25 * lab.mass)], lambda A, omega: 0.0 * A)
     low = np.where(record.column("added_mass") > 0.0, 0.9, 1.0)
-    found = limited(
-        among("level-offset"),
-        explain,
-        Record(record.table.assign(amplitude=low * record.column("amplitude"))),
-        lab.mode(),
-    )
+    measured = Record(record.table.assign(amplitude=low * record.column("amplitude")))
+    found = limited(among("level-offset"), explain, measured, lab.mode())
     assert found.leading.effects == ("level-offset",)
     assert found.in_library < 0.5
     assert any("the only sweep of its state" in caution for caution in found.cautions)
@@ -286,12 +277,8 @@ def test_frequencies_of_levels_that_alternate_are_told(lab, among):
     """A fifth of a half-bandwidth to either side, the record as noisy as stated: "fits to its noise" was all."""
     rows = lab.bench(levels=5, points=16).rows
     omega = lab.omega * (1.0 + 0.0012 * np.where(rows.sweep % 2, -1.0, 1.0))
-    found = limited(
-        among("level-offset", "drift"),
-        diagnose,
-        lab.record(rows, lab.linear(rows, omega=omega), 3),
-        lab.mode(None, None),
-    )
+    record = lab.record(rows, lab.linear(rows, omega=omega), 3)
+    found = limited(among("level-offset", "drift"), diagnose, record, lab.mode(None, None))
     assert found.leading.effects == ()
     assert any("the frequencies of the levels scatter by 0.12%" in caution for caution in found.cautions)
 
@@ -324,12 +311,8 @@ def test_two_close_modes_are_no_two_causes(lab, sign, among):
             1.0 / (1.0 / own + 0.4 / mode(omega, 1.0 + 2.0 * loss) + sign * 0.4 / mode(omega, 1.0 - 1.25 * loss)) - own
         )
 
-    found = limited(
-        among("residual-modes", "second-mode"),
-        explain,
-        make_record(lab, [("a", lab.bench(levels=3, points=40).rows, 0.0)], stiffness),
-        lab.mode(),
-    )
+    record = make_record(lab, [("a", lab.bench(levels=3, points=40).rows, 0.0)], stiffness)
+    found = limited(among("residual-modes", "second-mode"), explain, record, lab.mode())
     assert found.in_library < 0.5
     assert any("a close mode on each side of the simulated one explains" in caution for caution in found.cautions)
 
@@ -338,12 +321,8 @@ def test_a_force_cell_that_is_not_linear_is_told(lab, among):
     """The largest of four forces is 15 % above its reading, others by the square of the force: closed form."""
     rows = lab.bench(levels=4, points=20).rows
     gain = 1.0 + 0.15 * (rows.force / rows.force.max()) ** 2
-    found = limited(
-        among("level-offset", "sensor-saturation", "force-dropout"),
-        explain,
-        lab.record(rows, lab.linear(rows, gain=gain), 3),
-        lab.mode(),
-    )
+    record = lab.record(rows, lab.linear(rows, gain=gain), 3)
+    found = limited(among("level-offset", "sensor-saturation", "force-dropout"), explain, record, lab.mode())
     assert found.in_library < 0.5
     sentence = "a force that is read wrong in proportion to a power of itself explains"
     assert any(sentence in caution for caution in found.cautions)

@@ -13,13 +13,7 @@ from damping.gap.model import Model, Scatter
 from damping.gap.problem import setting
 from damping.gap.scatter import describe_repeatability
 from damping.gap.search import search_hypotheses
-from damping.gap.size import (
-    hold_levels_out,
-    measure_gap,
-    nominal_residuals,
-    shrinkage,
-    whitened,
-)
+from damping.gap.size import hold_levels_out, measure_gap, nominal_residuals, shrinkage, whitened
 from damping.gap.where import footprint_cells, local_estimates, residual_cells, trend
 from damping.records.record import Record
 from tests.gap.limited import KINDS
@@ -48,17 +42,20 @@ def test_whitened_residuals_of_scatter_and_noise_are_those_of_noise_alone():
     np.testing.assert_allclose(np.mean(r**2), 1.0, rtol=0.0, atol=0.04)
 
 
+def describe_deviations(known, scatter, y):
+    """What is said of the fit of a simulation whose sweeps deviate as ``y``, the last of its values, says."""
+    model, nothing = Model(known.problem, (), scatter), np.zeros(0)
+    full = np.zeros(model.size + 2 * model.sweeps)
+    full[model.size :] = y
+    return describe_repeatability(known, ModelFit(model, full, nothing, nothing, nothing, 0.0, 0.0, nothing))
+
+
 @pytest.mark.parametrize(("gains", "told"), [((1.0, 1.2), "are all above the fit"), ((-0.4, 1.2), "scatter by")])
 def test_levels_that_all_lie_to_one_side_are_not_said_to_scatter(lab, gains, told):
     """Gains of the largest repeatability tried: of 5.1 to 6.2 % it was said that they scatter by 5 %."""
     rows = lab.bench().rows
     known = setting(lab.record(rows, lab.linear(rows), 2), lab.mode(None, None))
-    model = Model(known.problem, (), Scatter(0.05, 0.0))
-    y = np.zeros(model.size + 2 * model.sweeps)
-    y[model.size : model.size + model.sweeps] = np.linspace(*gains, model.sweeps)
-    nothing = np.zeros(0)
-    fit = ModelFit(model, y, nothing, nothing, nothing, 0.0, 0.0, nothing)
-    said = describe_repeatability(known, fit)
+    said = describe_deviations(known, Scatter(0.05, 0.0), [*np.linspace(*gains, 3), 0.0, 0.0, 0.0])
     assert [told in sentence for sentence in said] == [True]
 
 
@@ -75,11 +72,7 @@ def test_scatter_in_the_order_of_the_force_is_told(lab, gains, told):
     """Of n! orders two rise or fall throughout: a force cell that reads more at large force hid in repeatability."""
     rows = lab.bench(len(gains), 8).rows
     known = setting(lab.record(rows, lab.linear(rows), 2), lab.mode(None, None))
-    model = Model(known.problem, (), Scatter(0.05, 0.0))
-    y = np.zeros(model.size + 2 * model.sweeps)
-    y[model.size : model.size + model.sweeps] = gains
-    nothing = np.zeros(0)
-    (said,) = describe_repeatability(known, ModelFit(model, y, nothing, nothing, nothing, 0.0, 0.0, nothing))
+    (said,) = describe_deviations(known, Scatter(0.05, 0.0), [*gains, *[0.0] * len(gains)])
     assert "scatter by" in said
     assert told in said
     assert ("with the force" in said) == bool(told)
@@ -92,16 +85,13 @@ def test_a_state_that_deviates_as_a_whole_is_told_as_one(lab, spread, alike):
     heavy = replace(lab.mode(0.0, 1e-4), mass=12.0, frequency=lab.mode().frequency / np.sqrt(1.2))
     other = lab.record(replace(rows, omega=rows.omega / np.sqrt(1.2)), lab.linear(rows), 3)
     known = setting(lab.record(rows, lab.linear(rows), 2), lab.mode(0.0, 1e-4), states=[(other, heavy)])
-    model = Model(known.problem, (), Scatter(0.0, 1e-4))
-    y = np.zeros(model.size + 2 * model.sweeps)
-    y[-3:] = 4.0 + spread * np.array([0.0, 1.0, 2.0])
-    nothing = np.zeros(0)
-    said = describe_repeatability(known, ModelFit(model, y, nothing, nothing, nothing, 0.0, 0.0, nothing))
+    deviations = [*[0.0] * 9, *(4.0 + spread * np.array([0.0, 1.0, 2.0]))]
+    said = describe_deviations(known, Scatter(0.0, 1e-4), deviations)
     named = [sentence.partition(" deviates: its frequency by +")[0] for sentence in said]
     assert named == (["every sweep of state 2"] if alike else ["sweep 2: A", "sweep 2: B", "sweep 2: C"])
 
 
-def test_shrinkage():
+def test_shrinkage_is_the_share_of_the_gap_that_is_explained():
     assert shrinkage(3.0, 1.0, 100) == 1.0
     assert shrinkage(3.0, 0.9, 100) == 1.0  # never above
     np.testing.assert_allclose(shrinkage(3.0, 2.0, 100), 1.0 - 3.0 / 8.0, rtol=1e-14, atol=0.0)  # rounding

@@ -125,7 +125,7 @@ COMMANDS: dict[str, tuple[bytes, str]] = {
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_any_file(folder: Path, name: str) -> None:
+def test_any_damaged_file_is_an_answer_or_one_line(folder: Path, name: str) -> None:
     seed, words = COMMANDS[name]
     (folder / "GOOD.csv").write_bytes(SWEEP)
     (folder / "GOOD.toml").write_bytes(MODE)

@@ -64,8 +64,7 @@ def commands(record: Path, mode: Path, folder: Path) -> dict[str, tuple[object, 
     """Every command that audits, on one record."""
     study = folder / "STUDY.toml"
     write_text(
-        study,
-        f'title = "t"\nseed = 1\n[[record]]\nname = "r"\nrecord = "{record.name}"\nmode = "{mode.name}"\n',
+        study, f'title = "t"\nseed = 1\n[[record]]\nname = "r"\nrecord = "{record.name}"\nmode = "{mode.name}"\n'
     )
     cases = folder / "cases"
     write_text(cases / "one.csv", record.read_text())

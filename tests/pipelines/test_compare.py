@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from html import escape
-from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,6 +16,7 @@ import pytest
 from damping.ranking.sharing import tabulate_rows, weigh_sharing
 from damping_pipelines.compare_page import RecordSummary
 from damping_pipelines.manifest import MANIFEST, digest, publish
+from tests.html import Reader
 
 HOSTILE = "<script>alert(1)</script>"
 POSTERIORS = (
@@ -66,6 +66,31 @@ def power_study(folder: Path, rows: str, **changes: Any) -> Path:
     return folder
 
 
+@pytest.fixture
+def compared(tmp_path, damping):
+    """``compared(*folders)``: the HTML of the page about these studies, which is written without a word."""
+
+    def compare(*folders: Path) -> str:
+        run = damping("compare", *folders, "--out", tmp_path / "page.html")
+        assert (run.code, run.err) == (0, "")
+        return (tmp_path / "page.html").read_text()
+
+    return compare
+
+
+@pytest.fixture
+def refused(tmp_path, damping):
+    """``refused(*folders)``: the one line that is said where nothing is written."""
+
+    def compare(*folders: Path) -> str:
+        run = damping("compare", *folders, "--out", tmp_path / "page.html")
+        assert (run.code, run.err.count("\n")) == (2, 1)
+        assert not (tmp_path / "page.html").exists()
+        return run.err
+
+    return compare
+
+
 def rows_of(html: str, caption: str) -> list[list[str]]:
     """Cells of each row of the table whose caption begins so."""
     table = html[html.index(f"<caption>{caption}") :].split("<tbody>", 1)[1].split("</tbody>")[0]
@@ -78,14 +103,13 @@ def as_number(written: str) -> float:
     return float(f"{mantissa}e{exponent.translate(str.maketrans('⁰¹²³⁴⁵⁶⁷⁸⁹⁻', '0123456789-'))}")
 
 
-def test_records_are_fitted_jointly(tmp_path, damping, peaks):
+def test_records_are_fitted_jointly(tmp_path, damping, compared, peaks):
     """Exponents of 1.2 and 2.2 are not one: the page says so, with the values of each."""
     F = np.geomspace(1.0, 8.0, 8)
     made = [tabulate_rows(peaks(F ** (1.0 / p), F, 10.0)).to_csv(index=False) for p in (1.2, 2.2)]
     one, two = (power_study(tmp_path / name, rows) for name, rows in zip("ab", made, strict=True))
-    assert damping("compare", one, two, "--out", tmp_path / "page.html").code == 0
-    html = (tmp_path / "page.html").read_text()
-    text = Page(html).text
+    html = compared(one, two)
+    text = Reader(html).text
     assert "medians with 90 % intervals, in all records and in each alone" in text
     labels, (odds, *values) = zip(*rows_of(html, "Joint fits with one exponent"), strict=True)
     title = f"Panel {escape(HOSTILE)}"
@@ -103,7 +127,7 @@ def test_records_are_fitted_jointly(tmp_path, damping, peaks):
     assert "run them again" in (tmp_path / "page.html").read_text()
 
 
-def test_a_record_in_two_studies_counts_once(tmp_path, damping, peaks):
+def test_a_record_in_two_studies_counts_once(tmp_path, compared, peaks):
     """The same rows in two studies of other settings are no second evidence for a law: two records, not three."""
     F = np.geomspace(1.0, 8.0, 8)
     made = [tabulate_rows(peaks(F ** (1.0 / p), F, 10.0)).to_csv(index=False) for p in (1.2, 2.2)]
@@ -113,36 +137,14 @@ def test_a_record_in_two_studies_counts_once(tmp_path, damping, peaks):
     (folders[2] / MANIFEST).write_text(json.dumps(manifest))
     converted = tabulate_rows(peaks(0.0254 * F ** (1.0 / 1.2), 4.4482216 * F, 10.0)).to_csv(index=False)
     folders.append(power_study(tmp_path / "d", converted, units={"force": "N", "length": "m"}))
-    assert damping("compare", *folders, "--out", tmp_path / "page.html").code == 0
-    assert "each of 2 records (a: Panel" in Page((tmp_path / "page.html").read_text()).text
+    assert "each of 2 records (a: Panel" in Reader(compared(*folders)).text
 
 
-class Page(HTMLParser):
-    """Tags, addresses and text of a page."""
-
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.addresses: list[str] = []
-        self.text = ""
-        self.feed(html)
-
-    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        self.addresses += [value or "" for name, value in attributes if name in ("src", "href", "xlink:href", "action")]
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
-
-
-def test_two_studies_side_by_side(tmp_path, damping):
+def test_two_studies_side_by_side(tmp_path, compared):
     one, two = study(tmp_path / "spring", summary()), study(tmp_path / "autumn", summary(2.2, 0.4), 1.5, "1")
-    out = tmp_path / "page.html"
-    run = damping("compare", one, two, "--out", out)
-    assert (run.code, run.err) == (0, "")
-    html = out.read_text()
-    page = Page(html)
-    assert page.tags.count("script") == 1  # the page's own
+    html = compared(one, two)
+    page = Reader(html)
+    assert page.count("script") == 1  # the page's own
     assert all(address.startswith("#") for address in page.addresses)
     assert "http://" not in html.replace("http://www.w3.org/", "")
     for said in (
@@ -157,9 +159,7 @@ def test_two_studies_side_by_side(tmp_path, damping):
         "=cmd",
     ):
         assert said in page.text, said
-    again = tmp_path / "again.html"
-    damping("compare", one, two, "--out", again)
-    assert again.read_text() == html
+    assert compared(one, two) == html
 
 
 @pytest.mark.parametrize(
@@ -170,32 +170,29 @@ def test_two_studies_side_by_side(tmp_path, damping):
         ("other.csv", "1", "Not the same input in every study: panel.csv and other.csv."),
     ],
 )
-def test_inputs_are_the_same_where_their_contents_are(tmp_path, damping, name, content, said):
+def test_inputs_are_the_same_where_their_contents_are(tmp_path, compared, name, content, said):
     """The page promises to name what differs, and a path is no difference."""
     one, two = study(tmp_path / "a", summary()), study(tmp_path / "b", summary(2.2), 1.5, content, name)
-    assert damping("compare", one, two, "--out", tmp_path / "page.html").code == 0
-    found = re.search("Not the same input.*", Page((tmp_path / "page.html").read_text()).text)
+    found = re.search("Not the same input.*", Reader(compared(one, two)).text)
     assert (found and found[0]) == said
 
 
-def test_studies_of_different_records_differ_by_no_input(tmp_path, damping):
+def test_studies_of_different_records_differ_by_no_input(tmp_path, compared):
     """Their files are different data, not different settings of the same; an exponent has the digits of its error."""
     laws = [{"form": "velocity-power", "p": 1.4712, "std_error": 0.0012}]
     other = summary(2.2, power_laws=laws, name="tail")
     one, two = study(tmp_path / "a", summary()), study(tmp_path / "b", other, 1.5, "1", "tail.csv")
-    assert damping("compare", one, two, "--out", tmp_path / "page.html").code == 0
-    html = (tmp_path / "page.html").read_text()
-    text = Page(html).text
+    html = compared(one, two)
+    text = Reader(html).text
     assert "No record is in every study" in text
     assert "Not the same input" not in text
     exponents = [row[-1] for row in rows_of(html, "Every record")]
     assert exponents == ["1.65 ± 0.10", "1.4712 ± 0.0012"]
 
 
-def test_bands_are_said_to_have_the_level_of_their_study(tmp_path, damping):
+def test_bands_are_said_to_have_the_level_of_their_study(tmp_path, compared):
     folders = study(tmp_path / "one", summary() | {"level": 0.8}), study(tmp_path / "two", summary(2.2), 1.5, "1")
-    damping("compare", *folders, "--out", tmp_path / "page.html")
-    assert "with its 80 and 90 % predictive band" in Page((tmp_path / "page.html").read_text()).text
+    assert "with its 80 and 90 % predictive band" in Reader(compared(*folders)).text
 
 
 def test_the_title_says_what_is_compared(tmp_path, damping):
@@ -216,31 +213,23 @@ def test_files_of_a_study_are_not_written_over(tmp_path, damping, name):
     assert damping("compare", one, two, "--out", two / "compared.html").code == 0
 
 
-def test_studies_that_share_nothing(tmp_path, damping):
-    one = study(tmp_path / "a", summary())
+def test_studies_that_share_nothing(tmp_path, compared):
     two = study(tmp_path / "b", summary(name="other", loads=None, units={}))
-    run = damping("compare", one, two, "--out", tmp_path / "page.html")
-    assert run.code == 0
-    text = Page((tmp_path / "page.html").read_text()).text
-    assert "No record is in every study." in text
-    assert "Not in b." in text
-    assert "Not in a." in text
+    text = Reader(compared(study(tmp_path / "a", summary()), two)).text
+    assert all(said in text for said in ("No record is in every study.", "Not in b.", "Not in a."))
 
 
-def test_other_units_are_not_drawn_together(tmp_path, damping):
-    one = study(tmp_path / "a", summary())
+def test_other_units_are_not_drawn_together(tmp_path, compared):
     two = study(tmp_path / "b", summary(units={"force": "N", "length": "m"}))
-    damping("compare", one, two, "--out", tmp_path / "page.html")
-    page = Page((tmp_path / "page.html").read_text())
-    assert "in different units: amplitudes and coefficients cannot be compared" in page.text
+    text = Reader(compared(study(tmp_path / "a", summary()), two)).text
+    assert "in different units: amplitudes and coefficients cannot be compared" in text
 
 
-def test_names_that_are_alike(tmp_path, damping):
+def test_names_that_are_alike(tmp_path, damping, compared):
     one, two = study(tmp_path / "x" / "out", summary()), study(tmp_path / "y" / HOSTILE.replace("/", ""), summary())
     three = study(tmp_path / "y" / "out", summary())
-    assert damping("compare", one, two, three, "--out", tmp_path / "page.html").code == 0
-    page = Page((tmp_path / "page.html").read_text())
-    assert page.tags.count("script") == 1
+    page = Reader(compared(one, two, three))
+    assert page.count("script") == 1
     assert all(name in page.text for name in ("x/out", "y/out"))  # the shortest ends that differ
     assert str(tmp_path) not in page.text
     again = damping("compare", one, tmp_path / "x" / ".." / "x" / "out", "--out", tmp_path / "p.html")
@@ -250,13 +239,11 @@ def test_names_that_are_alike(tmp_path, damping):
 
 
 @pytest.mark.parametrize("name", ["summary.json", "panel-posteriors.csv"])
-def test_files_of_two_runs_are_refused(tmp_path, damping, name):
+def test_files_of_two_runs_are_refused(tmp_path, damping, refused, name):
     one, two = study(tmp_path / "a", summary()), study(tmp_path / "b", summary(2.2), 1.5)
     (two / name).write_bytes((one / name).read_bytes())
-    run = damping("compare", one, two, "--out", tmp_path / "page.html")
-    assert run.code == 2
-    assert f"{name}: is not from the run of the manifest; expected files of one run; run it again" in run.err
-    assert not (tmp_path / "page.html").exists()
+    said = f"{name}: is not from the run of the manifest; expected files of one run; run it again"
+    assert said in refused(one, two)
     run = damping("verify", one, two)
     assert run.code == 2
     assert run.out == f"{one}: 2 files of one run, seed 1\n"
@@ -273,56 +260,44 @@ def test_files_of_two_runs_are_refused(tmp_path, damping, name):
         (json.dumps(summary() | {"format": "study/9"}), "format"),
     ],
 )
-def test_summaries_that_are_none(tmp_path, damping, form, message):
-    one, two = study(tmp_path / "a", summary()), study(tmp_path / "b", form)
-    run = damping("compare", one, two, "--out", tmp_path / "page.html")
-    assert run.code == 2
-    assert message in run.err
-    assert run.err.count("\n") == 1
-    assert not (tmp_path / "page.html").exists()
+def test_summaries_that_are_none(tmp_path, refused, form, message):
+    assert message in refused(study(tmp_path / "a", summary()), study(tmp_path / "b", form))
 
 
-def test_results_of_a_campaign_name_the_study_to_run(tmp_path, damping):
+def test_results_of_a_campaign_name_the_study_to_run(tmp_path, refused):
     """They hold no ranking that could be compared; its study.toml leads to one."""
     publish(tmp_path / "sine", {"campaign.json": b"{}"}, seed=1, versions={}, inputs={"a.h5": "0" * 64})
-    run = damping("compare", tmp_path / "sine", study(tmp_path / "b", summary()), "--out", tmp_path / "page.html")
-    assert run.code == 2
-    assert f"not of a study; expected the folder that damping study {tmp_path}/sine/study.toml writes" in run.err
     publish(tmp_path / "fleet", {"fleet.html": b"-"}, seed=1, versions={}, inputs={"a": "0" * 64})
-    run = damping("compare", tmp_path / "fleet", tmp_path / "b", "--out", tmp_path / "page.html")
-    assert run.code == 2
-    assert f"{tmp_path}/fleet: holds no study; expected a folder that damping study wrote" in run.err
+    other = study(tmp_path / "b", summary())
+    said = f"not of a study; expected the folder that damping study {tmp_path}/sine/study.toml writes"
+    assert said in refused(tmp_path / "sine", other)
+    said = f"{tmp_path}/fleet: holds no study; expected a folder that damping study wrote"
+    assert said in refused(tmp_path / "fleet", other)
 
 
-def test_posteriors_that_are_none(tmp_path, damping):
+def test_posteriors_that_are_none(tmp_path, refused):
     one = study(tmp_path / "a", summary())
     for content in (b"law,parameter,low,median,high\na,b,x,1,2\n", b"\xff", b'law\n"a\n', b"law\n" + b"a,b,c\n"):
         (one / "panel-posteriors.csv").write_bytes(content)
         form = json.loads((one / MANIFEST).read_text())
         form["outputs"]["panel-posteriors.csv"] = digest(content)
         (one / MANIFEST).write_text(json.dumps(form))
-        run = damping("compare", one, study(tmp_path / "b", summary()), "--out", tmp_path / "page.html")
-        assert run.code == 2, content
-        assert run.err.count("\n") == 1
+        assert refused(one, study(tmp_path / "b", summary())), content
 
 
 @pytest.mark.parametrize("size", [1e300, 1e-300, -1.0, 0.0])
-def test_numbers_of_any_size(tmp_path, damping, size):
-    one, two = study(tmp_path / "a", summary(size), size), study(tmp_path / "b", summary())
-    assert damping("compare", one, two, "--out", tmp_path / "page.html").code == 0
+def test_numbers_of_any_size(tmp_path, compared, size):
+    assert compared(study(tmp_path / "a", summary(size), size), study(tmp_path / "b", summary()))
 
 
-def test_predictions_of_one_test_in_mm_and_in_m_are_in_one_unit(tmp_path, damping):
+def test_predictions_of_one_test_in_mm_and_in_m_are_in_one_unit(tmp_path, compared):
     """2.0 mm and 0.002 m at 45 N are no difference; units that are not known stay beside what is in them."""
     loads = {"force": 45.0, "median": 0.002, "low": 0.0018, "high": 0.0023, "linear": 0.0026}
     metres = {"loads": {"format": "loads/1", "level": 0.9, "predictions": [loads]}}
     one = study(tmp_path / "a", summary(units={"force": "N", "length": "mm"}))
     two = study(tmp_path / "b", summary(units={"force": "N", "length": "m"}, **metres), inputs="1")
     three = study(tmp_path / "c", summary(units={"force": "N", "length": "furlong"}), inputs="2")
-    rows = {}
-    for other in (two, three):
-        damping("compare", one, other, "--out", tmp_path / "page.html")
-        rows[other] = rows_of((tmp_path / "page.html").read_text(), "Resonant amplitude at design forces")
+    rows = {o: rows_of(compared(one, o), "Resonant amplitude at design forces") for o in (two, three)}
     (_, *first), (_, *second) = rows[two]
     assert first[0] == second[0] == "N, mm"
     assert first[2:5] == second[2:5]

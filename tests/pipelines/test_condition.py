@@ -65,7 +65,9 @@ def test_the_record_is_one_that_the_other_commands_take(
     assert "force in lb, length in in, time in s" in printed
 
 
-def test_the_command(raw: Path, config: Path, tmp_path: Path, damping: Callable[..., Any]) -> None:
+def test_the_command_writes_a_record_and_its_steps(
+    raw: Path, config: Path, tmp_path: Path, damping: Callable[..., Any]
+) -> None:
     done = damping("condition", raw, "--config", config, "--out", tmp_path / "a.csv", "--steps", tmp_path / "steps")
     assert (done.code, done.err) == (0, "")
     assert len(read_record(tmp_path / "a.csv")) == 15
@@ -78,16 +80,11 @@ def test_the_command(raw: Path, config: Path, tmp_path: Path, damping: Callable[
 def test_the_steps_are_written_and_lead_to_the_record(raw: Path, config: Path, tmp_path: Path) -> None:
     condition(raw, config, tmp_path / "record.csv", tmp_path / "steps", SIZE)
     names = [file.name for file in sorted((tmp_path / "steps").iterdir())]
-    assert names == [
-        "01-displacement.csv",
-        "02-yaw-from-pitch.csv",
-        "03-node.csv",
-        "04-mode-factor.csv",
-        "05-rigid-body.csv",
-        "06-adjacent-modes.csv",
-        "07-modal-force.csv",
-        "08-record.csv",
-    ]
+    steps = (
+        *("displacement", "yaw-from-pitch", "node", "mode-factor"),
+        *("rigid-body", "adjacent-modes", "modal-force", "record"),
+    )
+    assert names == [f"{number:02d}-{step}.csv" for number, step in enumerate(steps, start=1)]
     assert (tmp_path / "steps" / "08-record.csv").read_text() == (tmp_path / "record.csv").read_text()
     before, after = (read_table(tmp_path / "steps" / name) for name in (names[4], names[5]))
     removed = after[["removed mode 1", "removed mode 3", "removed mode 4"]].sum(axis=1)
@@ -139,23 +136,7 @@ def test_principal_planes_leave_out_and_name_rows_without_a_root(raw: Path, conf
         ("title", "correction = 3\ntitle", 4, "correction", "3; expected a table"),
         ('keep = ["point"]', 'force_sd = "sd"\nkeep = ["xi_sd"]', 17, "raw, keep", "would stand for a result"),
         ('phase = "tail_phase_rad"', 'phase_sd = "sd"', 47, "node, phase_sd", "no phase that it belongs to"),
-    ],
-)
-def test_a_mistake_in_the_description_is_named_with_its_line(
-    old: str, new: str, line: int | None, column: str, words: str, raw: Path, config: Path, tmp_path: Path
-) -> None:
-    file = changed(config, tmp_path, old, new)
-    with pytest.raises(InputError) as found:
-        condition(raw, file, tmp_path / "record.csv", None, SIZE)
-    error = found.value
-    assert (error.file, error.line, error.column) == (str(file), line, column)
-    assert words in str(error)
-    assert not (tmp_path / "record.csv").exists()
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "line", "column", "words"),
-    [
+        # in the raw table
         (",967,", ",-967,", 4, "force_lb", "expected a force amplitude > 0"),
         (",11.20,", ",0,", 3, "omega_rad_s", "expected a frequency > 0"),
         (",1.503,", ",0.0,", 5, "tail_pitch_disp_in_e2", "expected an amplitude > 0"),
@@ -167,15 +148,17 @@ def test_a_mistake_in_the_description_is_named_with_its_line(
         ("point,", "pont,", 1, None, "no column 'point' to keep"),
     ],
 )
-def test_a_mistake_in_the_raw_table_is_named_with_its_line(
-    old: str, new: str, line: int, column: str | None, words: str, raw: Path, config: Path, tmp_path: Path
+def test_a_mistake_in_the_description_or_the_raw_table_is_named_with_its_line(
+    old: str, new: str, line: int | None, column: str | None, words: str, raw: Path, config: Path, tmp_path: Path
 ) -> None:
-    file = changed(raw, tmp_path, old, new)
+    of_table = old in raw.read_text() and old not in config.read_text()
+    file = changed(raw if of_table else config, tmp_path, old, new)
     with pytest.raises(InputError) as found:
-        condition(file, config, tmp_path / "record.csv", None, SIZE)
+        condition(*((file, config) if of_table else (raw, file)), tmp_path / "record.csv", None, SIZE)
     error = found.value
     assert (error.file, error.line, error.column) == (str(file), line, column)
     assert words in str(error)
+    assert not (tmp_path / "record.csv").exists()
 
 
 def test_uncertainties_reach_the_record(raw: Path, config: Path, tmp_path: Path) -> None:

@@ -47,39 +47,15 @@ def close(path: Path, rtol: float) -> None:
     np.testing.assert_allclose(record.column("phase"), -np.angle(H), rtol=0, atol=rtol)
 
 
-@pytest.mark.parametrize("even", [0, 1])
-@pytest.mark.parametrize("binary", [0, 1])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("kind", "binary", "even"), [("receptance", 0, 1), ("mobility", 1, 0), ("accelerance", 1, 1)])
 def test_universal_files(tmp_path, damping, kind, binary, even):
+    """Each kind in each form, and spacing, is read in ``formats/test_uff``; here is what the command says of them."""
     path, out = universal(tmp_path / "a.uff", kind, binary=binary, even=even), tmp_path / "r.csv"
     run = damping("import", path, "--out", out, "--force", F, "--scaling", "peak")
     assert (run.code, run.err) == (0, "")
     close(out, 3e-5)  # six digits of abscissa in text, whose rounding goes in twice (omega^2)
     for said in ("universal file", kind, "unit of response", "found in the file", "41 rows written"):
         assert said in run.out
-
-
-def test_arrays(tmp_path, damping):
-    out = tmp_path / "r.csv"
-    names = ("--column", "frequency=f", "--column", "response=H")
-    scipy.io.savemat(tmp_path / "5.mat", {"f": f, "H": H})
-    with h5py.File(tmp_path / "73.mat", "w", userblock_size=512) as file:
-        file["f"] = f[:, None]
-        pairs = np.zeros((len(f), 1), dtype=[("real", float), ("imag", float)])
-        pairs["real"][:, 0], pairs["imag"][:, 0] = H.real, H.imag
-        file["H"] = pairs
-    with (tmp_path / "73.mat").open("r+b") as stream:
-        stream.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM")
-    for name, said in (("5.mat", "MAT file, version 5"), ("73.mat", "MAT file, version 7.3")):
-        run = damping("import", tmp_path / name, "--out", out, *names, *STATED)
-        assert run.code == 0, run.err
-        assert said in run.out
-        close(out, 1e-12)
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        file["run/f"], file["run/H"] = f, H
-    names = ("--column", "frequency=run/f", "--column", "response=run/H")
-    assert damping("import", tmp_path / "a.h5", "--out", out, *names, *STATED).code == 0
-    close(out, 1e-12)
 
 
 def test_columns_and_readings(tmp_path, damping):
@@ -122,7 +98,7 @@ def test_what_neither_file_nor_user_says_is_asked_for(tmp_path, damping, left_ou
 
 
 def test_a_ring_down(tmp_path, damping):
-    """A decay of 1 per cent in closed form becomes a record that is ranked."""
+    """What it needs and what means nothing beside it is said; `test_import` has the numbers of its record."""
     (tmp_path / "m.toml").write_text(MODE)
     t, zeta = np.arange(0, 8, 0.004), 0.01
     s = CENTRE * complex(-zeta, np.sqrt(1 - zeta**2))
@@ -141,11 +117,7 @@ def test_a_ring_down(tmp_path, damping):
         assert f"{option.split('=')[0]} beside --ring-down" in damping(*decays, *option.split()).err
     run = damping(*decays)
     assert run.code == 0, run.err
-    record = read_record(tmp_path / "r.csv")
-    assert len(record) <= 5
-    c = 2 * 2.0 * zeta * CENTRE
-    # the image of the window, 1e-3, and of the second harmonic, averages out over levels of some periods
-    np.testing.assert_allclose(record.column("force"), c * CENTRE * record.column("amplitude"), rtol=5e-3)
+    assert len(read_record(tmp_path / "r.csv")) <= 5
 
 
 def test_several_ring_downs_of_one_file(tmp_path, damping):
@@ -233,7 +205,7 @@ def test_names_lead_nowhere(tmp_path, damping, monkeypatch):
     assert sorted(os.listdir(folder)) == ["S.toml", "a.uff", "o.uff", "r.csv"]
 
 
-def test_links(tmp_path, damping):
+def test_an_output_that_is_a_link_is_followed_and_a_loop_is_no_file(tmp_path, damping):
     """An output that is a link is followed, never replaced; a link to itself is no file."""
     path, kept = universal(tmp_path / "a.uff", "receptance"), tmp_path / "kept"
     kept.write_text("mine")

@@ -8,7 +8,6 @@ import socket
 import sys
 import threading
 import time
-from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -54,6 +53,7 @@ from damping_pipelines.fleet.page import (
 from damping_pipelines.manifest import digest_code, sole_writer, verify
 from damping_pipelines.store import write_bytes
 from damping_validation.truths import OMEGA
+from tests.html import Reader
 
 RECORDS = 6
 SIZE = 10_000_000
@@ -85,6 +85,10 @@ def lossy(lost: int, *words, **options) -> None:
     """A fleet of which some records fail: the others are done, one line says how many, and the exit code is 1."""
     with pytest.raises(AnalysisError, match=f"^{lost} of [0-9]+ records failed; the first: "):
         fleet(*words, **options)
+
+
+#: A run in this process.
+HERE = {"fast": True, "workers": 0, "max_size": SIZE}
 
 
 def rows_of(out: Path) -> list[dict]:
@@ -123,7 +127,7 @@ def few():
 def alone(records, few, tmp_path_factory) -> Path:
     """The result of one process, one record after the other."""
     out = tmp_path_factory.mktemp("alone")
-    lossy(1, records, out, fast=True, workers=0, seed=5, max_size=SIZE)
+    lossy(1, records, out, **HERE, seed=5)
     return out
 
 
@@ -283,7 +287,7 @@ def test_an_interrupted_run_keeps_what_has_come(records, alone, tmp_path, monkey
 
     monkeypatch.setattr("damping_pipelines.fleet.analyse.analyse", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        fleet(records, tmp_path, fast=True, workers=0, seed=5, max_size=SIZE)
+        fleet(records, tmp_path, **HERE, seed=5)
     assert [row["name"] for row in rows_of(tmp_path)] == done
     assert rows_of(tmp_path) == rows_of(alone)[:2]
 
@@ -294,7 +298,7 @@ def test_records_one_by_one_need_no_dask(tmp_path, one_law, monkeypatch):
         monkeypatch.setitem(sys.modules, package, None)
     monkeypatch.delattr("damping_pipelines.fleet.runners")
     monkeypatch.delitem(sys.modules, "damping_pipelines.fleet.runners")
-    fleet(_one(tmp_path), tmp_path / "out", fast=True, workers=0, max_size=SIZE)
+    fleet(_one(tmp_path), tmp_path / "out", **HERE)
     assert [row["status"] for row in rows_of(tmp_path / "out")] == ["done"]
 
 
@@ -303,23 +307,22 @@ def test_changed_and_removed_records(tmp_path, one_law):
     source, out = tmp_path / "in", tmp_path / "out"
     for i in range(3):
         write_record(source, f"r{i}", i)
-    run = {"fast": True, "workers": 0, "max_size": SIZE}
-    fleet(source, out, **run)
+    fleet(source, out, **HERE)
     before = rows_of(out)
     write_bytes(source / "r1.toml", MODE.replace("1.0", "2.0").encode())
     (source / "r2.csv").unlink()
     with pytest.raises(InputError, match=r"holds 1 result of other .* the first of 'r2'; expected another --out, or"):
-        fleet(source, out, **run)
+        fleet(source, out, **HERE)
     write_bytes(out / "reports" / "mine.html", b"of the user")
     write_bytes(out / "records" / "mine.parquet", b"of the user")
-    fleet(source, out, replace=True, **run)
+    fleet(source, out, replace=True, **HERE)
     for name in ("reports/mine.html", "records/mine.parquet"):  # what is not ours stays
         assert (out / name).read_bytes() == b"of the user"
         (out / name).unlink()
     after = rows_of(out)
     assert [row["name"] for row in after] == ["r0", "r1"]
     with pytest.raises(InputError, match="holds 2 results of other records, settings"):
-        fleet(source, out, **run | {"force": (1.0,)})
+        fleet(source, out, **HERE | {"force": (1.0,)})
     assert rows_of(out) == after
     assert after[0] == before[0]
     assert after[1]["key"] != before[1]["key"]
@@ -328,23 +331,17 @@ def test_changed_and_removed_records(tmp_path, one_law):
     written = page.read_bytes()
     page.unlink()  # by whom ever: the page of the fleet leads there
     with pytest.raises(InputError, match="holds 2 results"):
-        fleet(source, out, **run | {"force": (1.0,)})
+        fleet(source, out, **HERE | {"force": (1.0,)})
     assert rows_of(out) == after
-    fleet(source, out, **run)
+    fleet(source, out, **HERE)
     assert (page.read_bytes(), rows_of(out)) == (written, after)
     write_bytes(page, written + b"x")  # a page that verify rejects is no page of this run
-    fleet(source, out, **run)
+    fleet(source, out, **HERE)
     assert page.read_bytes() == written
     task = next(tasks_of(find_cases(source), settings()))
-    for change in (
-        {"seed": 6},
-        {"fast": False},
-        {"level": 0.8},
-        {"forces": (1.0,)},
-        {"versions": {"x": "2"}},
-        {"code": "2"},
-    ):
-        assert next(tasks_of(find_cases(source), settings(**change))).key != task.key
+    changed = {"seed": 6, "fast": False, "level": 0.8, "forces": (1.0,), "versions": {"x": "2"}, "code": "2"}
+    for name, value in changed.items():
+        assert next(tasks_of(find_cases(source), settings(**{name: value}))).key != task.key
     for free in ({"max_size": SIZE + 1}, {"time_limit": 1.0}):
         assert next(tasks_of(find_cases(source), settings(**free))).key == task.key
 
@@ -355,14 +352,13 @@ def test_a_record_that_lost_its_workers_is_tried_again(tmp_path, one_law):
     write_record(source, "good", 1)
     write_bytes(source / "bad.csv", b"sweep,force,frequency,amplitude\na,1,2,-3\n")
     write_bytes(source / "bad.toml", MODE.encode())
-    run = {"fast": True, "workers": 0, "max_size": SIZE}
-    lossy(1, source, out, **run)
+    lossy(1, source, out, **HERE)
     before, kept = rows_of(out), FleetDataSet(out / "records")
     lost = failed(next(task for task in tasks_of(find_cases(source), settings())), f"{runners.DIED} under it")
     kept.keep({before[0]["key"]})
     kept.add([lost.row | {"key": before[1]["key"], "name": "good"}])
     assert {row["reason"] for row in rows_of(out)} == {before[0]["reason"], "workers died under it"}
-    lossy(1, source, out, **run)
+    lossy(1, source, out, **HERE)
     assert rows_of(out) == before
 
 
@@ -377,18 +373,6 @@ HOSTILE = [
 ]
 
 
-class Links(HTMLParser):
-    """Addresses of a page and tags that are none of ours."""
-
-    def __init__(self):
-        super().__init__()
-        self.hrefs, self.tags = [], set()
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.add(tag)
-        self.hrefs += [value for name, value in attrs if name == "href" and tag == "a"]
-
-
 def test_hostile_names_stay_names(tmp_path, one_law):
     """Markup, paths, line ends and bytes that are no text: nothing leaves the folder or becomes markup."""
     source, out = tmp_path / "in", tmp_path / "out"
@@ -396,16 +380,15 @@ def test_hostile_names_stay_names(tmp_path, one_law):
     for i, name in enumerate(names):
         write_bytes(source / f"{name}.toml", f"[mode]\nname = '../../<b>{i}'\nfrequency = 1.6\nmass = 1.0\n".encode())
         write_bytes(source / f"{name}.csv", record_text(i).encode() if i < 2 else b"no record")
-    lossy(len(names) - 2, source, out, fast=True, workers=0, max_size=SIZE)
+    lossy(len(names) - 2, source, out, **HERE)
     assert {path.name for path in tmp_path.iterdir()} == {"in", "out"}
     assert len(rows_of(out)) == len(names)
     for path in out.rglob("*.html"):
         assert re.fullmatch(r"[A-Za-z0-9_-]+\.html", path.name)
-        page = Links()
-        page.feed(path.read_text())
-        assert not page.tags & {"img", "b", "iframe"}
+        page = Reader(path.read_text())
+        assert not {tag for tag, _ in page.elements} & {"img", "b", "iframe"}
         assert "alert(" not in "".join(re.findall(r"<script[^>]*>(.*?)</script>", path.read_text(), re.DOTALL))
-        for href in page.hrefs:
+        for href in (attrs["href"] for tag, attrs in page.elements if tag == "a" and "href" in attrs):
             assert href.startswith("#") or (path.parent / unquote(href)).resolve().is_relative_to(out)
             assert href.startswith("#") or (path.parent / unquote(href)).is_file()
 
@@ -417,7 +400,7 @@ def test_folders_of_cases_are_diagnosed(tmp_path, one_law):
     for name, text in (("a", model), ("b", model.replace(str(hertz), "40.0"))):
         write_bytes(tmp_path / "in" / name / "data.csv", record_text(0).encode())
         write_bytes(tmp_path / "in" / name / "model.toml", text.encode())
-    lossy(1, tmp_path / "in", tmp_path / "out", fast=True, workers=0, max_size=SIZE)
+    lossy(1, tmp_path / "in", tmp_path / "out", **HERE)
     good, other = rows_of(tmp_path / "out")
     assert good["status"] == "done"
     assert good["effects"] is not None
@@ -444,41 +427,44 @@ def test_chains_where_they_are_asked_for(tmp_path, one_law):
     assert "<svg" in (tmp_path / "out" / row["report"]).read_text()
 
 
-def test_bad_usage(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("source", "options", "said"),
+    [
+        ("nowhere", {}, "no such folder"),
+        (".", {}, "holds no record"),
+        ("in", {"workers": -1}, "--workers -1"),
+        ("in", {"workers": 2, "scheduler": "tcp://127.0.0.1:1"}, "either --scheduler or --workers"),
+        ("in", {"workers": 0, "force": (-1.0,)}, "a force amplitude > 0"),
+        ("in", {"scheduler": "tcp://127.0.0.1:9"}, "no scheduler answers"),
+        *(
+            ("in", {"dashboard": at}, r"--dashboard .*; expected HOST:PORT")
+            for at in ("foo", "127.0.0.1:99999", "x y:8")
+        ),
+        ("in", {"workers": 0, "time_limit": 0.0}, "--time-limit 0"),
+    ],
+)
+def test_a_fleet_that_cannot_begin_says_why(tmp_path, monkeypatch, source, options, said):
     write_record(tmp_path / "in", "one", 0)
-    run = {"fast": True, "max_size": SIZE}
-    with pytest.raises(InputError, match="no such folder"):
-        fleet(tmp_path / "nowhere", tmp_path / "out", **run)
-    with pytest.raises(InputError, match="holds no record"):
-        fleet(tmp_path, tmp_path / "out", **run)
-    with pytest.raises(InputError, match="--workers -1"):
-        fleet(tmp_path / "in", tmp_path / "out", workers=-1, **run)
-    with pytest.raises(InputError, match="either --scheduler or --workers"):
-        fleet(tmp_path / "in", tmp_path / "out", workers=2, scheduler="tcp://127.0.0.1:1", **run)
-    with pytest.raises(InputError, match="a force amplitude > 0"):
-        fleet(tmp_path / "in", tmp_path / "out", workers=0, force=(-1.0,), **run)
     monkeypatch.setattr(runners, "CONNECT", 0.2)
-    with pytest.raises(InputError, match="no scheduler answers"):
-        fleet(tmp_path / "in", tmp_path / "out", scheduler="tcp://127.0.0.1:9", **run)
-    for dashboard in ("foo", "127.0.0.1:99999", "no such host:8787"):
-        with pytest.raises(InputError, match=r"--dashboard .*; expected HOST:PORT"):
-            fleet(tmp_path / "in", tmp_path / "out", dashboard=dashboard, **run)
+    with pytest.raises(InputError, match=said):
+        fleet(tmp_path / source, tmp_path / "out", fast=True, max_size=SIZE, **options)
+
+
+def test_two_runs_do_not_write_into_one_folder(tmp_path):
+    write_record(tmp_path / "in", "one", 0)
     with sole_writer(tmp_path / "out"), pytest.raises(InputError, match="another run is writing here"):
-        fleet(tmp_path / "in", tmp_path / "out", workers=0, **run)
-    with pytest.raises(InputError, match="--time-limit 0"):
-        fleet(tmp_path / "in", tmp_path / "out", workers=0, time_limit=0.0, **run)
+        fleet(tmp_path / "in", tmp_path / "out", **HERE)
 
 
 def test_a_broken_part_is_set_aside_and_its_records_computed_again(tmp_path, one_law, capsys):
     source, out = tmp_path / "in", tmp_path / "out"
     write_record(source, "one", 0)
-    run = {"fast": True, "workers": 0, "max_size": SIZE}
-    fleet(source, out, **run)
+    fleet(source, out, **HERE)
     before, part = rows_of(out), next((out / "records").glob("part-*.parquet"))
     part.write_bytes(b"no parquet")
     with pytest.raises(InputError, match="is not from the run of the manifest"):
         verify(out)
-    fleet(source, out, **run)
+    fleet(source, out, **HERE)
     assert f"kept as {part.name}.broken" in capsys.readouterr().err
     assert part.with_name(f"{part.name}.broken").read_bytes() == b"no parquet"
     part.with_name(f"{part.name}.broken").unlink()
@@ -498,7 +484,7 @@ def test_a_page_of_somebody_else_is_not_written_over(tmp_path, one_law):
     write_record(tmp_path / "in", "one", 0)
     write_bytes(tmp_path / "out" / "fleet.html", b"of the user")
     with pytest.raises(InputError, match=r"fleet\.html: is no result of an earlier run"):
-        fleet(tmp_path / "in", tmp_path / "out", fast=True, workers=0, max_size=SIZE)
+        fleet(tmp_path / "in", tmp_path / "out", **HERE)
     assert (tmp_path / "out" / "fleet.html").read_bytes() == b"of the user"
 
 
@@ -665,7 +651,7 @@ def test_a_pipe_is_refused_and_not_waited_for(tmp_path, one_law):
     write_record(tmp_path / "in", "good", 1)
     write_bytes(tmp_path / "in" / "ring.csv", record_text(2).encode())
     os.mkfifo(tmp_path / "in" / "ring.toml")
-    lossy(1, tmp_path / "in", tmp_path / "out", fast=True, workers=0, max_size=SIZE)
+    lossy(1, tmp_path / "in", tmp_path / "out", **HERE)
     assert [row["reason"] for row in rows_of(tmp_path / "out")] == ["", "ring.toml: is no regular file"]
     with pytest.raises(InputError, match="is no regular file"):
         read_bytes(tmp_path / "in" / "ring.toml")
@@ -694,7 +680,7 @@ def test_copies_are_told_and_laws_that_lead_alike_are_all_named(few, tmp_path, c
     folder.mkdir()
     for name, seed in (("first", 0), ("second", 0), ("third", 1)):
         write_record(folder, name, seed)
-    fleet(folder, out, fast=True, workers=0, seed=5, max_size=SIZE)
+    fleet(folder, out, **HERE, seed=5)
     said = "first and second are byte-for-byte copies of one record, which counts 2 times in every share"
     assert f"Caution: {said}." in " ".join(capsys.readouterr().out.split())
     assert said in " ".join(html.unescape((out / "fleet.html").read_text()).split())

@@ -45,7 +45,7 @@ def test_inputs_are_those_of_the_run(summary, study_settings):
     assert summary["seed"] == study_settings.seed
 
 
-def test_rankings(summary, rankings):
+def test_rankings_are_those_of_the_code(summary, rankings):
     for record in summary["records"]:
         now = plain(rank_form(rankings[record["name"]]))
         assert [m["name"] for m in now["models"] if m["weight"] > 0.01] == [

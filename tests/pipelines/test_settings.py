@@ -28,7 +28,7 @@ def write(tmp_path):
     return write
 
 
-def test_good_settings(write):
+def test_settings_are_read_as_they_stand(write):
     settings = read_settings(write(GOOD))
     assert settings.seed == 3
     assert settings.records[0].design_forces == (1.0, 2.5)
@@ -68,7 +68,7 @@ def test_default_study_reads_all_its_files():
         ("title", "title title", ("not TOML", "line 1")),
     ],
 )
-def test_mistakes(old, new, said, write):
+def test_a_mistake_is_named_with_its_line_and_key(old, new, said, write):
     path = write(GOOD.replace(old, new))
     with pytest.raises(InputError) as error:
         read_settings(path)
@@ -86,12 +86,10 @@ def test_two_records_of_one_name(write, name, called):
         read_settings(write(GOOD + again))
 
 
-def test_no_records(write):
-    with pytest.raises(InputError, match="records"):
-        read_settings(write('title = "t"\nrecords = []\n'))
-
-
-def test_a_study_without_records(write):
-    """Records are a list of tables."""
-    with pytest.raises(InputError, match=r"missing table; expected \[\[records\]\]"):
-        read_settings(write('title = "none"\n'))
+@pytest.mark.parametrize(
+    ("records", "said"),
+    [("records = []", "records"), ("", r"missing table; expected \[\[records\]\]")],  # a list of tables
+)
+def test_a_study_without_records(write, records, said):
+    with pytest.raises(InputError, match=said):
+        read_settings(write(f'title = "t"\n{records}\n'))

@@ -80,7 +80,7 @@ def record(rows: int, levels: int = 3) -> pd.DataFrame:
 
 
 @pytest.mark.parametrize("rows", [3, 60, 500])
-def test_design_loads(rows):
+def test_names_of_design_loads_do_not_overlap(rows):
     force = levels(rows)
     tested = pd.DataFrame({"sweep": [NAME.format(i) for i in range(rows)], "force": force, "amplitude": force**0.7})
     grid = np.geomspace(0.8, 90.0, 40)
@@ -104,7 +104,7 @@ def test_design_loads_far_beyond_the_test(force):
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 3e4])
 @pytest.mark.parametrize("rows", [1, 3, 500])
-def test_damping_curve(rows, scale):
+def test_a_damping_curve_of_any_size_is_not_cut(rows, scale):
     A = scale * np.geomspace(1.0, 9.0, 16)
     ratio = 0.004 * (A / scale) ** 0.8
     table = pd.DataFrame({"amplitude": A, "damping_ratio": ratio, "tested": 4.0 * scale > A})
@@ -114,7 +114,7 @@ def test_damping_curve(rows, scale):
 
 
 @pytest.mark.parametrize(("rows", "number"), [(3, 3), (60, 3), (500, 12)])
-def test_sweeps(rows, number):
+def test_names_of_sweeps_do_not_overlap(rows, number):
     table = record(rows, number)
     for law in LAWS[:2]:
         check(fitted_sweeps(table, table, law, "mm"))
@@ -122,14 +122,14 @@ def test_sweeps(rows, number):
 
 
 @pytest.mark.parametrize("number", [1, 12])
-def test_ranking(number):
+def test_names_of_a_ranking_do_not_overlap(number):
     weight = np.full(number, 1.0 / number)
     table = pd.DataFrame({"rank": range(1, number + 1), "law": LAWS[:number], "weight": weight, "physical": True})
     check(ranking(table.assign(held_out_error=np.geomspace(0.2, 30.0, number), average_absolute_percent=0.001)))
 
 
 @pytest.mark.parametrize("number", [1, 12])
-def test_predictive_check(number):
+def test_names_of_a_predictive_check_do_not_overlap(number):
     laws = LAWS[:number]
     rows = [
         {"law": law, "sweep": NAME.format(s), "median": 101.0, "low": 95.0, "high": 108.0}
@@ -140,7 +140,7 @@ def test_predictive_check(number):
 
 
 @pytest.mark.parametrize("size", [2, 3, 5])
-def test_corner(size):
+def test_numbers_of_a_corner_plot_do_not_overlap(size):
     """Numbers of several digits, those of neighbouring panels beside one another."""
     draws = np.random.default_rng(0).normal(0.478, 0.0125, (size, 4000))
     values = {f"parameter {name} (rad/s)": own for name, own in zip("abcde", draws, strict=False)}

@@ -28,14 +28,7 @@ from damping.forces import (
 )
 from damping.forces.smooth import Dahl, SmoothSlip
 from damping.predict.branches import branches, sweep
-from damping.predict.integrate import (
-    Oscillator,
-    State,
-    TimeState,
-    advance,
-    steady_state_in_time,
-    sweep_in_time,
-)
+from damping.predict.integrate import Oscillator, State, TimeState, advance, steady_state_in_time, sweep_in_time
 
 M, omega_n, F = 2.0, 10.0, 5.0
 K = M * omega_n**2

@@ -23,14 +23,7 @@ from damping.forces import (
     Viscous,
     damping_term,
 )
-from damping.predict.steady import (
-    backbone,
-    balance,
-    phase_lag,
-    phase_resonance,
-    resonant_amplitude,
-    steady_state,
-)
+from damping.predict.steady import backbone, balance, phase_lag, phase_resonance, resonant_amplitude, steady_state
 
 M, omega_n = 50.78, 10.455  # first mode of Configuration II, sweep C (Table 4.V)
 
@@ -182,9 +175,8 @@ def test_falling_damping_gives_the_stable_amplitude_or_none() -> None:
 def test_backbone_of_a_cubic_spring_and_of_a_joint() -> None:
     A = np.array([0.1, 1.0, 3.0])
     # S/A = (3/4) k3 A^2
-    np.testing.assert_allclose(
-        backbone(CubicStiffness(40.0), A, M, omega_n), np.sqrt(omega_n**2 + 30 * A**2 / M), rtol=1e-14
-    )
+    expected = np.sqrt(omega_n**2 + 30 * A**2 / M)
+    np.testing.assert_allclose(backbone(CubicStiffness(40.0), A, M, omega_n), expected, rtol=1e-14)
     # a joint far beyond its limit has lost all its stiffness but 2 A1/A times sin psi: tends to K1
     far = backbone(Slip(400.0, 1e-9), 1.0, M, omega_n)
     np.testing.assert_allclose(far, np.sqrt(omega_n**2 - 400.0 / M), rtol=1e-9)

@@ -58,7 +58,7 @@ def test_record_holds_the_steady_states(model: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(table["phase"], expected.phase, rtol=1e-10)
 
 
-def test_methods_agree(model: Path, tmp_path: Path) -> None:
+def test_averages_and_integration_agree(model: Path, tmp_path: Path) -> None:
     for method in ("ritz", "time"):
         sweep(model, [28.98], "1.655:1.675:5", tmp_path / f"{method}.csv", "down", method)
     averaged, integrated = (read_record(tmp_path / f"{method}.csv").table for method in ("ritz", "time"))
@@ -70,7 +70,7 @@ def test_methods_agree(model: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_command_line(model: Path, tmp_path: Path, damping) -> None:
+def test_the_command_writes_a_row_for_each_force_and_frequency(model: Path, tmp_path: Path, damping) -> None:
     out = tmp_path / "record.csv"
     run = damping("sweep", model, "--force", 5, "--force", 20, "--frequency", "1.6:1.7:11", "--out", out)
     assert (run.code, run.out) == (0, "")  # progress goes to standard error

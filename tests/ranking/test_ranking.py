@@ -147,9 +147,8 @@ def test_held_out_error_is_refitting_without_the_level(saturn):
     coefficient = float(fit_law(law, data.take_sweeps(np.array([True, True, False]))).coefficients[0])
     # C = (8/3 pi) c (omega A)^2 = F solved for A
     predicted = np.sqrt(data.tested_force[2] * 3.0 * np.pi / (8.0 * coefficient)) / data.tested_omega[2]
-    np.testing.assert_allclose(
-        held_out_errors([law], data)[0][2], 100.0 * (predicted / data.tested_amplitude[2] - 1.0), rtol=1e-9
-    )
+    expected = 100.0 * (predicted / data.tested_amplitude[2] - 1.0)
+    np.testing.assert_allclose(held_out_errors([law], data)[0][2], expected, rtol=1e-9)
 
 
 def test_many_sweeps_are_left_out_in_groups():

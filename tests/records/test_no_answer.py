@@ -43,14 +43,17 @@ def audited(table: pd.DataFrame, frequency: float = HERTZ) -> Audit:
     return audit(Record(table, "own.csv"), mode)
 
 
+def is_diagnosed_and_not_ranked(found: Audit, check: str) -> bool:
+    assert [(own.check, own.verdict) for own in found.findings] == [(check, "refuse")]
+    with pytest.raises(Refused, match=check):
+        found.require()
+    return found.require(diagnosed=True) is found
+
+
 @pytest.mark.parametrize("offset", [0.9, -0.95])
 def test_phases_off_by_less_than_a_radian_are_diagnosed_and_not_ranked(offset):
     table = swept(2)
-    found = audited(table.assign(phase=table["phase"] + offset))
-    assert [(own.check, own.verdict) for own in found.findings] == [("phase-offset", "refuse")]
-    assert found.require(diagnosed=True) is found
-    with pytest.raises(Refused, match="phase-offset"):
-        found.require()
+    assert is_diagnosed_and_not_ranked(audited(table.assign(phase=table["phase"] + offset)), "phase-offset")
 
 
 @pytest.mark.parametrize("offset", [1.2, -1.2, -0.5 * np.pi])
@@ -106,11 +109,7 @@ def split(share: float, ratio: float, rows: int) -> pd.DataFrame:
 @pytest.mark.parametrize("rows", [41, 61])
 @pytest.mark.parametrize(("share", "ratio"), [(0.02, 1.0), (0.05, 0.96), (0.05, 1.03), (0.09, 0.98)])
 def test_a_mode_split_by_a_tuned_part_is_diagnosed_and_not_ranked(share, ratio, rows):
-    found = audited(split(share, ratio, rows))
-    assert [(own.check, own.verdict) for own in found.findings] == [("several-modes", "refuse")]
-    assert found.require(diagnosed=True) is found
-    with pytest.raises(Refused, match="several-modes"):
-        found.require()
+    assert is_diagnosed_and_not_ranked(audited(split(share, ratio, rows)), "several-modes")
 
 
 def test_a_split_mode_without_phases_is_not_diagnosed_either():
@@ -136,11 +135,7 @@ def with_factors(table: pd.DataFrame, factors: dict[str, float]) -> pd.DataFrame
 
 
 def test_one_level_that_falls_by_its_own_gain_is_diagnosed_and_not_ranked():
-    found = audited(with_factors(swept(4), {"3": 0.55}))
-    assert [(own.check, own.verdict) for own in found.findings] == [("amplitude-falls", "refuse")]
-    assert found.require(diagnosed=True) is found
-    with pytest.raises(Refused, match="amplitude-falls"):
-        found.require()
+    assert is_diagnosed_and_not_ranked(audited(with_factors(swept(4), {"3": 0.55})), "amplitude-falls")
 
 
 def test_levels_with_exchanged_readings_are_not_diagnosed_either():

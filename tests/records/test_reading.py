@@ -18,6 +18,15 @@ ROW = "A,1,10,0.5,1.5\n"
 NEEDED = "expected columns sweep, force, frequency, amplitude, separated by commas"
 DEGREES = "expected radians within -2 pi..2 pi (phases in degrees?)"
 
+
+def told(row: str, column: str, said: str, last: str = "phase") -> tuple[str, str]:
+    """A record of a right row and this one, and what is said of it; ``last``: its last column."""
+    return HEAD.replace("phase", last) + ROW + row + "\n", f", line 3, column {column}: {said}"
+
+
+FINITE = "expected a finite number"
+LEAVE_OUT = f"empty cell; {FINITE}: leave out the rows that have none, or the column for all"
+MAGNITUDE = "expected a magnitude of 1e-50 to 1e+50"
 # content, and what the error says after the name of the file
 REFUSED = {
     "empty": ("", ": the file is empty; expected a file with contents"),
@@ -48,54 +57,32 @@ REFUSED = {
     "nameless": (HEAD.replace("phase", " "), ", line 1: column 5 has no name; expected a name in each cell"),
     "short row": (HEAD + ROW + "A,1,10,0.5\n", ", line 3: 4 cells in the row; expected 5 as in the header"),
     "long row": (HEAD + ROW + ROW[:-1] + ",\n", ", line 3: 6 cells in the row; expected 5 as in the header"),
-    "text": (
-        HEAD + ROW + "A,1,ten,0.5,1\n",
-        ", line 3, column frequency: 'ten' is not a number; expected a finite number",
+    "text": told("A,1,ten,0.5,1", "frequency", "'ten' is not a number; " + FINITE),
+    "code": told(
+        "A,1,__import__('os').system('true'),1,1",
+        "frequency",
+        "\"__import__('os').system('tr...\" is not a number; " + FINITE,
     ),
-    "code": (
-        HEAD + "A,1,__import__('os').system('true'),1,1\n",
-        ", line 2, column frequency: \"__import__('os').system('tr...\" is not a number; expected a finite number",
-    ),
-    "decimal comma": (
-        HEAD + 'A,"1,5",10,0.5,1\n',
-        ", line 2, column force: '1,5' is not a number; expected a finite number",
-    ),
-    "empty cell": (HEAD + ROW + "A,1,11,,1\n", ", line 3, column amplitude: empty cell; expected a finite number"),
-    "empty phase": (
-        HEAD + "A,1,11,1, \n",
-        ", line 2, column phase: empty cell; expected a finite number: leave out the rows that have none, or the "
-        "column for all",
-    ),
-    "empty uncertainty": (
-        HEAD.replace("phase", "amplitude_sd") + "A,1,11,1,\n",
-        ", line 2, column amplitude_sd: empty cell; expected a finite number: leave out the rows that have none, or "
-        "the column for all",
-    ),
-    "no label": (HEAD + ROW + " ,1,11,1,1\n", ", line 3, column sweep: empty cell; expected text"),
-    "zero force": (HEAD + "A,0,10,0.5,1\n", ", line 2, column force: 0; expected a force amplitude > 0"),
-    "negative": (HEAD + ROW + "A,1,11,-3,1\n", ", line 3, column amplitude: -3; expected a displacement amplitude > 0"),
-    "underflow": (HEAD + "A,1,11,1e-999,1\n", ", line 2, column amplitude: 0; expected a displacement amplitude > 0"),
-    "too small": (HEAD + "A,1e-60,1,1,1\n", ", line 2, column force: 1e-60; expected a magnitude of 1e-50 to 1e+50"),
-    "too large": (HEAD + "A,1,1,1e60,1\n", ", line 2, column amplitude: 1e+60; expected a magnitude of 1e-50 to 1e+50"),
-    "frequency": (HEAD + "A,1,-10,3,1\n", ", line 2, column frequency: -10; expected a frequency in Hz > 0"),
-    "degrees": (HEAD + ROW + "A,1,10,0.5,90\n", ", line 3, column phase: 90; " + DEGREES),
-    "negative degrees": (HEAD + ROW + "A,1,10,0.5,-90\n", ", line 3, column phase: -90; " + DEGREES),
+    "decimal comma": told('A,"1,5",10,0.5,1', "force", "'1,5' is not a number; " + FINITE),
+    "empty cell": told("A,1,11,,1", "amplitude", "empty cell; " + FINITE),
+    "empty phase": told("A,1,11,1, ", "phase", LEAVE_OUT),
+    "empty uncertainty": told("A,1,11,1,", "amplitude_sd", LEAVE_OUT, "amplitude_sd"),
+    "no label": told(" ,1,11,1,1", "sweep", "empty cell; expected text"),
+    "zero force": told("A,0,10,0.5,1", "force", "0; expected a force amplitude > 0"),
+    "negative": told("A,1,11,-3,1", "amplitude", "-3; expected a displacement amplitude > 0"),
+    "underflow": told("A,1,11,1e-999,1", "amplitude", "0; expected a displacement amplitude > 0"),
+    "too small": told("A,1e-60,1,1,1", "force", "1e-60; " + MAGNITUDE),
+    "too large": told("A,1,1,1e60,1", "amplitude", "1e+60; " + MAGNITUDE),
+    "frequency": told("A,1,-10,3,1", "frequency", "-10; expected a frequency in Hz > 0"),
+    "degrees": told("A,1,10,0.5,90", "phase", "90; " + DEGREES),
+    "negative degrees": told("A,1,10,0.5,-90", "phase", "-90; " + DEGREES),
     "third harmonic": (
         HEAD.replace("phase", "amplitude_3,phase_3") + "A,1,10,0.5,0.1,7.1\n",
         ", line 2, column phase_3: 7.1; " + DEGREES + ", less whole turns",
     ),
-    "energy": (
-        HEAD.replace("phase", "energy") + ROW + "A,1,10,0.5,0\n",
-        ", line 3, column energy: 0; expected an energy per cycle > 0",
-    ),
-    "mass": (
-        HEAD.replace("phase", "mass") + "A,1,10,0.5,-2\n",
-        ", line 2, column mass: -2; expected a generalized mass > 0",
-    ),
-    "sd": (
-        HEAD.replace("phase", "force_sd") + "A,1,10,0.5,-0.1\n",
-        ", line 2, column force_sd: -0.1; expected a standard uncertainty >= 0",
-    ),
+    "energy": told("A,1,10,0.5,0", "energy", "0; expected an energy per cycle > 0", "energy"),
+    "mass": told("A,1,10,0.5,-2", "mass", "-2; expected a generalized mass > 0", "mass"),
+    "sd": told("A,1,10,0.5,-0.1", "force_sd", "-0.1; expected a standard uncertainty >= 0", "force_sd"),
     "identical": (
         HEAD + ROW + "A,1,11,0.5,1\n\nA,1.0,10.0,5e-1,1.50\n",
         ", line 5: identical in every column to line 2; expected each measured state once",
@@ -154,9 +141,8 @@ def test_refused_in_one_line_that_names_the_place(case, scratch):
 
 @pytest.mark.parametrize("cell", ["nan", "NaN", "inf", "-Infinity", "1e999", "1_000", "٣"])
 def test_numbers_are_finite_and_written_plainly(cell, scratch):
-    with pytest.raises(
-        InputError, match=r"line 2, column force: .* is not a finite number written with the digits 0-9"
-    ):
+    said = r"line 2, column force: .* is not a finite number written with the digits 0-9"
+    with pytest.raises(InputError, match=said):
         read_record(scratch(f"{HEAD}A,{cell},10,0.5,1\n"))
 
 
@@ -189,9 +175,8 @@ def test_files_that_cannot_be_read(tmp_path, scratch):
     path = scratch(HEAD + ROW)
     size = path.stat().st_size
     assert len(read_record(path, max_size=size)) == 1
-    with pytest.raises(
-        InputError, match=f"larger than {size - 1} bytes; expected a smaller file or a larger --max-size"
-    ):
+    expected = f"larger than {size - 1} bytes; expected a smaller file or a larger --max-size"
+    with pytest.raises(InputError, match=expected):
         read_record(path, max_size=size - 1)
     assert DEFAULT_MAX_SIZE == 200_000_000
 
@@ -213,17 +198,8 @@ def test_what_is_data_is_kept(scratch):
     )
     record = read_record(scratch(content))
     table = record.table
-    assert list(table.columns) == [
-        "note",
-        "order",
-        "phase",
-        "sweep",
-        "force",
-        "frequency",
-        "amplitude",
-        "amplitude_sd",
-        "mass",
-    ]
+    numbers = ["force", "frequency", "amplitude", "amplitude_sd", "mass"]
+    assert list(table.columns) == ["note", "order", "phase", "sweep", *numbers]
     assert table.index.tolist() == [0, 1, 2]
     assert table["note"].tolist() == ["a, b", "=1+1", "c"]
     assert table["order"].tolist() == ["007", "008", "009"]
@@ -231,12 +207,10 @@ def test_what_is_data_is_kept(scratch):
     assert record.sweeps == ("1", "B")
     assert record.has_phase
     np.testing.assert_array_equal(record.masses(7.0), [7.0, 3.0, 4.0])
-    assert all(
-        table[name].dtype == np.float64 for name in ("phase", "force", "frequency", "amplitude", "amplitude_sd", "mass")
-    )
+    assert all(table[name].dtype == np.float64 for name in ("phase", *numbers))
 
 
-def test_any_table(scratch):
+def test_a_table_has_numbers_where_all_cells_are(scratch):
     path = scratch("y,x,label,code\n1,2,a,1\n3,,=b,2\n")
     table = read_table(path, required=["y", "label"], text_columns=["label"])
     assert table["y"].tolist() == [1.0, 3.0]

@@ -37,7 +37,7 @@ def test_columns_are_copies_and_masses_fall_back():
     np.testing.assert_array_equal(Record(TABLE, "").masses(9.0), np.full(5, 9.0))
 
 
-def test_unknown_sweep():
+def test_a_sweep_that_is_not_there_is_refused():
     with pytest.raises(InputError, match=r"made\.csv: no sweep 'hihg'; expected one of up, low, high"):
         Record(TABLE, "made.csv").of("hihg")
 

@@ -17,12 +17,7 @@ from damping.records.mode import Mode
 from damping.records.pairs import phase_offset
 from damping.records.reading import read_record
 from damping.records.record import Record, energy_per_cycle
-from damping.records.resonance import (
-    find_jump,
-    find_resonance,
-    number_levels,
-    tabulate_resonances,
-)
+from damping.records.resonance import find_jump, find_resonance, number_levels, tabulate_resonances
 
 # mass, rad/s, viscous coefficient: damping ratio C/(2 M OMEGA_N) = 0.005
 M = 2.0
@@ -444,9 +439,8 @@ def test_energy_per_cycle():
     nan = np.nan  # the first row of largest amplitude stands for its sweep
     np.testing.assert_allclose(energy_per_cycle(Record(table, "")), [nan, largest[1], largest[2], nan], rtol=1e-15)
     phase = np.array([0.1, -0.1, 1.0, 3.3])
-    np.testing.assert_allclose(
-        energy_per_cycle(Record(table.assign(phase=phase), "")), largest * np.sin(phase), rtol=1e-15
-    )
+    expected = largest * np.sin(phase)
+    np.testing.assert_allclose(energy_per_cycle(Record(table.assign(phase=phase), "")), expected, rtol=1e-15)
     given = np.array([4.0, 3.0, 2.0, 1.0])
     assert energy_per_cycle(Record(table.assign(phase=phase, energy=given), "")).tolist() == given.tolist()
 

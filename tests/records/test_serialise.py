@@ -43,7 +43,7 @@ ROWS = st.lists(
 
 @settings(deadline=None, max_examples=50)  # each is checked as a record twice: 20 ms
 @given(rows=ROWS)
-def test_round_trip(rows, scratch):
+def test_any_record_is_read_back_as_it_was_written(rows, scratch):
     table = pd.DataFrame(rows, columns=["sweep", "force", "frequency", "amplitude", "phase"]).astype({"sweep": object})
     record = Record(table, "made")
     path = scratch(record_to_csv(record))

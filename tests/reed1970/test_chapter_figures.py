@@ -83,11 +83,7 @@ def test_curves_show_the_measured_resonance(found: Studies) -> None:
 
 
 def test_printed_points_are_drawn(figures: dict[str, Figure]) -> None:
-    points = {
-        "response-differences": (1.01, 1.209),
-        "undamped-error": (0.5, 14.0),
-        "force-amplitude": (4.84, 90.0),
-    }
+    points = {"response-differences": (1.01, 1.209), "undamped-error": (0.5, 14.0), "force-amplitude": (4.84, 90.0)}
     for name, expected in points.items():
         drawn = [np.column_stack(line.get_data()) for axes in figures[name].axes for line in axes.lines]
         assert any(np.isclose(pairs, expected, rtol=1e-12).all(axis=1).any() for pairs in drawn), name

@@ -14,7 +14,7 @@ NAMES = ("brake-reuss-beam", "eth-beam", "sloshing-tank")
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_round_trip(name, real, scratch):
+def test_a_measured_record_is_read_back_as_it_was_written(name, real, scratch):
     record, mode = read_record(real / name / "record.csv"), read_mode(real / name / "mode.toml")
     again = read_record(scratch(record_to_csv(record)))
     assert again.table.equals(record.table)

@@ -15,12 +15,7 @@ import damping_reed1970 as report_tables
 from damping.errors import InputError
 from damping.records.mode import read_mode
 from damping.records.reading import read_record
-from damping_reed1970 import (
-    data_folder,
-    load_force_laws,
-    load_table,
-    load_text,
-)
+from damping_reed1970 import data_folder, load_force_laws, load_table, load_text
 from tests.reed1970.saturn_records import RECORD_NAMES, describe_mode_text, record_text, report_record
 
 FOLDER = data_folder() / "saturn-v"
@@ -116,9 +111,8 @@ def test_columns_of_a_table_agree_with_each_other() -> None:
     # omega is printed to 0.005 at best, f to 0.0005 Hz
     np.testing.assert_allclose(motion["omega_rad_s"], 2 * np.pi * motion["frequency_hz"], rtol=0, atol=0.005)
     # tail displacement of Tables 3.I and 3.III is one measurement printed twice
-    np.testing.assert_allclose(
-        motion["tail_pitch_disp_in_e2"] / 100, load_table("3_III")["tail_amplitude_in"], rtol=1e-12
-    )
+    expected = load_table("3_III")["tail_amplitude_in"]
+    np.testing.assert_allclose(motion["tail_pitch_disp_in_e2"] / 100, expected, rtol=1e-12)
     sweeps = load_table("4_I", "corrected")
     # slide rule: F_e = phi_r F to 0.1 per cent
     np.testing.assert_allclose(sweeps["modal_force_lb"], sweeps["phi_r_load_point"] * sweeps["force_lb"], rtol=1e-3)

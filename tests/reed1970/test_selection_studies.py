@@ -89,9 +89,8 @@ def test_nine_terms_of_the_report() -> None:
     np.testing.assert_allclose(summary["condition_number"], np.linalg.cond(unit), rtol=1e-6, atol=0.0)
     weights, _ = nnls(unit, E)
     # what is held at nought is exact; the rest is a well-conditioned fit
-    np.testing.assert_allclose(
-        found["nine_terms"]["nonnegative"], weights / np.linalg.norm(X, axis=0), rtol=1e-6, atol=1e-9
-    )
+    expected = weights / np.linalg.norm(X, axis=0)
+    np.testing.assert_allclose(found["nine_terms"]["nonnegative"], expected, rtol=1e-6, atol=1e-9)
     assert summary["negative_coefficients"] == 4  # "negative coefficients resulted"
     assert list(found["nine_terms"]["term"]) == list(NINE_TERMS)
     positive = 0

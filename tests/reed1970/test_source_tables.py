@@ -34,18 +34,8 @@ def rows(table: pd.DataFrame, **where: object) -> pd.DataFrame:
 
 def test_every_table_is_there(tables: dict[str, pd.DataFrame]) -> None:
     assert set(tables) == TABLES
-    columns = [
-        "id",
-        "where",
-        "printed",
-        "computed",
-        "computed_after_correction",
-        "erratum",
-        "recipe",
-        "agreement",
-        "reason",
-    ]
-    assert set(tables["reproduction"]) == set(columns)
+    columns = "id where printed computed computed_after_correction erratum recipe agreement reason"
+    assert set(tables["reproduction"]) == set(columns.split())
     assert len(tables["reproduction"]) == 479
     assert list(tables["errata"]["severity"]) == sorted(tables["errata"]["severity"])
     assert len(tables["errata"]) == 75
@@ -61,15 +51,18 @@ def test_every_table_is_there(tables: dict[str, pd.DataFrame]) -> None:
         ("E3", "A^2*omega", 1.17, 0.01),
         ("E3", "A^3*omega^2", 0.604, 0.001),
         ("E4", "A^3*omega^2", 0.707, 0.001),
+        ("viscous 2.39", "A^2*omega", 2.39, 0.01),
     ],
 )
 def test_recovered_inputs_give_the_printed_coefficients(
     tables: dict[str, pd.DataFrame], fit: str, term: str, printed: float, unit: float
 ) -> None:
+    """Fits of the check-out data, and more digits of these, are in ``regression/test_report_results``."""
     row = rows(tables["regressions"], fit=fit, term=term, inputs="recovered").iloc[0]
-    assert row["printed"] == printed
+    of = ("printed_force", "force_coefficient") if fit.startswith("viscous") else ("printed", "coefficient")
+    assert row[of[0]] == printed
     # half a unit of the last printed digit, and a tenth more: recovered inputs carry four digits
-    assert abs(row["coefficient"] - printed) <= 0.55 * unit
+    assert abs(row[of[1]] - printed) <= (0.5 if fit.startswith("viscous") else 0.55) * unit
 
 
 def test_regression_statistics_against_normal_equations(tables: dict[str, pd.DataFrame]) -> None:
@@ -91,35 +84,14 @@ def test_regression_statistics_against_normal_equations(tables: dict[str, pd.Dat
     np.testing.assert_allclose(found["average_absolute_percent"], percent, rtol=1e-10, atol=0.0)
 
 
-def test_check_out_fits_and_their_erratum(tables: dict[str, pd.DataFrame]) -> None:
-    two = rows(tables["regressions"], equation="5.3.1", inputs="generator")["coefficient"].to_numpy()
-    # the generator pi/2, 16/15 to three decimals of E gives the printed 1.571, 1.066 within a unit of the last digit
-    np.testing.assert_allclose(two, [1.571, 1.066], rtol=0.0, atol=0.001)
-    five = rows(tables["regressions"], equation="5.3.3", inputs="corrected")
-    # proof of E5II-3: coefficients to four decimals, condition number to a unit, standard errors to two
-    np.testing.assert_allclose(five["coefficient"], [1.4851, 0.5443, 0.1667, 0.3473, 0.1177], rtol=0.0, atol=5e-5)
-    np.testing.assert_allclose(five["std_error"], [0.62, 0.31, 0.28, 0.77, 0.15], rtol=0.0, atol=0.005)
-    np.testing.assert_allclose(five["condition_number"], 1748.0, rtol=0.0, atol=0.5)
-    # proof of E5II-5: the nested five-term fit is the closer one
-    nested = rows(tables["regressions"], equation="5.3.1", inputs="corrected")
-    assert five["rms_error_in_lb"].iloc[0] < nested["rms_error_in_lb"].iloc[0]
-
-
-def test_viscous_239(tables: dict[str, pd.DataFrame]) -> None:
-    row = rows(tables["regressions"], fit="viscous 2.39", inputs="recovered").iloc[0]
-    assert row["printed_force"] == 2.39
-    assert abs(row["force_coefficient"] - 2.39) <= 0.005  # half a unit of the last printed digit
-
-
 def test_deviations_beside_the_printed_ones(tables: dict[str, pd.DataFrame]) -> None:
     table = tables["regression_deviations"]
     assert table.groupby("fit").size().to_dict() == {"E1": 15, "E2": 15, "E3": 15, "E4": 9, "check-out, five terms": 14}
     for fit, places in (("E2", 0.01), ("E4", 0.1)):
         found = rows(table, fit=fit)
         # a unit of the last printed place: the recovered inputs are rounded like the printed ones
-        np.testing.assert_allclose(
-            found["percent_from_recovered_inputs"], found["percent_printed"], rtol=0.0, atol=places
-        )
+        expected = found["percent_printed"]
+        np.testing.assert_allclose(found["percent_from_recovered_inputs"], expected, rtol=0.0, atol=places)
     by_hand = 100.0 * (table["E_printed_in_lb"] - table["fitted_from_printed_inputs_in_lb"]) / table["E_printed_in_lb"]
     np.testing.assert_allclose(table["percent_from_printed_inputs"], by_hand, rtol=1e-9, atol=1e-9)
 

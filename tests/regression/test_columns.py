@@ -50,9 +50,8 @@ def test_energy_from_force_amplitude_and_phase() -> None:
     record = table(force=[1.0, 2.0], amplitude=[2.0, 3.0], phase=[0.3, -0.1])
     taken = take_columns(record, ["energy", "A"])
     # pi F A sin(phase), three multiplications; noise may carry it below 0
-    np.testing.assert_allclose(
-        taken.numbers["energy"], np.pi * np.array([2 * np.sin(0.3), 6 * np.sin(-0.1)]), rtol=1e-15
-    )
+    expected = np.pi * np.array([2 * np.sin(0.3), 6 * np.sin(-0.1)])
+    np.testing.assert_allclose(taken.numbers["energy"], expected, rtol=1e-15)
     assert taken.notes == ("energy = pi * force * amplitude * sin(phase)",)
 
 

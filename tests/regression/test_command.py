@@ -68,7 +68,7 @@ def test_a_table_of_semicolons_and_decimal_commas_is_named(run: Run, shoe: Path)
     assert "line 2: 3 cells in the row (the header is separated by semicolons or tabs: damping import reads" in err
 
 
-def test_the_form(run: Run, rough: Path) -> None:
+def test_the_form_has_every_key_and_every_number(run: Run, rough: Path) -> None:
     form = form_of(run, rough, "--response", "E", "--terms", "A^2*omega, A^3*omega")
     assert (form["format"], form["n"], form["response"]) == ("regress/1", 15, "E")
     assert [term["name"] for term in form["terms"]] == ["A^2*omega", "A^3*omega"]
@@ -192,7 +192,7 @@ def test_energy_of_resonance_peaks(run: Run) -> None:
     assert C1.min() < form["terms"][0]["coefficient"] / np.pi < C1.max()
 
 
-def test_plots(run: Run, shoe: Path, tmp_path: Path) -> None:
+def test_deviations_are_plotted_against_every_variable(run: Run, shoe: Path, tmp_path: Path) -> None:
     arguments = (shoe, "--response", "y", "--terms", "x, z^2, 1", "--plots", tmp_path / "plots")
     assert run(*arguments)[0] == 0
     files = sorted((tmp_path / "plots").iterdir())
@@ -251,7 +251,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_usage(run: Run, shoe: Path, case: str) -> None:
+def test_options_that_cannot_be_are_refused(run: Run, shoe: Path, case: str) -> None:
     option, value, said = BAD[case]
     options = {"--response": "y", "--terms": "x", option: value}
     code, out, err = run(shoe, *(part for pair in options.items() for part in pair))
@@ -281,7 +281,7 @@ FILES = {
 
 
 @pytest.mark.parametrize("case", FILES)
-def test_bad_tables(run: Run, tmp_path: Path, case: str) -> None:
+def test_tables_that_cannot_be_read_are_refused(run: Run, tmp_path: Path, case: str) -> None:
     content, said = FILES[case]
     path = tmp_path / "bad.csv"
     if content is not None:

@@ -52,7 +52,7 @@ def test_all_statistics_against_statsmodels(random_design: Build, constant: bool
         assert found.criteria.adjusted_r_squared == pytest.approx(other.rsquared_adj, rel=1e-12)
 
 
-def test_definitions(random_design: Build) -> None:
+def test_every_figure_of_the_summary_follows_its_definition(random_design: Build) -> None:
     """Every figure of the summary from its definition, with numpy alone."""
     design = random_design(2, n=12, k=3)
     observed = np.round(design.observed, 1)
@@ -93,9 +93,8 @@ def test_variables_and_correlations(random_design: Build) -> None:
         np.testing.assert_allclose(numbers, expected, rtol=1e-12, atol=1e-14)
     matrix = correlations(design)
     varies = [0, 1, 2, 4]
-    np.testing.assert_allclose(
-        matrix[np.ix_(varies, varies)], np.corrcoef(all_columns[:, varies].T), rtol=1e-12, atol=1e-14
-    )
+    found = matrix[np.ix_(varies, varies)]
+    np.testing.assert_allclose(found, np.corrcoef(all_columns[:, varies].T), rtol=1e-12, atol=1e-14)
     assert np.isnan(matrix[3]).all()  # a constant correlates with nothing
     assert np.isnan(matrix[:, 3]).all()
 
@@ -127,9 +126,8 @@ def test_units_rescale_coefficients_and_nothing_else(seed: int, units: list[floa
     # the root of a leverage is the length of a row of an orthonormal basis: it errs in parts of 1, not of its own
     np.testing.assert_allclose(np.sqrt(two.leverages), np.sqrt(one.leverages), atol=tolerance, rtol=0)
     np.testing.assert_allclose(two.condition_number, one.condition_number, rtol=tolerance)
-    np.testing.assert_allclose(
-        [two.r_squared, two.correlation], [one.r_squared, one.correlation], atol=tolerance, rtol=0
-    )
+    expected = [one.r_squared, one.correlation]
+    np.testing.assert_allclose([two.r_squared, two.correlation], expected, atol=tolerance, rtol=0)
     ours, theirs = two.criteria, one.criteria
     np.testing.assert_allclose(ours.adjusted_r_squared, theirs.adjusted_r_squared, atol=10 * tolerance, rtol=0)
     np.testing.assert_allclose(ours.bic - theirs.bic, 18 * np.log(factor), atol=100 * tolerance, rtol=1e-12)

@@ -86,14 +86,14 @@ def test_the_same_lists_as_by_every_subset(seed: int, kind: str, k: int, more: i
 @pytest.mark.parametrize("criterion", NAMES)
 @pytest.mark.parametrize("nonnegative", [False, True])
 @pytest.mark.parametrize("kind", ["one factor", "neighbours", "whole numbers"])
-def test_twelve_terms(kind: str, nonnegative: bool, criterion: str) -> None:
+def test_the_lists_of_twelve_terms_are_those_of_every_subset(kind: str, nonnegative: bool, criterion: str) -> None:
     design = make(kind, 12, 50, 12)
     assert_same(design, all_subsets(design), criterion, nonnegative, number=20)
 
 
 @pytest.mark.parametrize("criterion", NAMES)
 @pytest.mark.parametrize("nonnegative", [False, True])
-def test_longley(nonnegative: bool, criterion: str) -> None:
+def test_the_lists_of_longley_s_data_are_those_of_every_subset(nonnegative: bool, criterion: str) -> None:
     """Certified data, nearly dependent: a scaled condition number of 4e4 with the constant."""
     table = pd.read_csv(STRD / "longley.csv")
     observed = table.pop("y").to_numpy(dtype=np.float64)

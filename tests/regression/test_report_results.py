@@ -76,7 +76,7 @@ def test_more_terms_never_fit_worse(report_design: Build) -> None:
     assert [round(f.average_absolute_percent, 3) for f in (two, five)] == [0.152, 0.109]
 
 
-def test_rough_data(report_design: Build) -> None:
+def test_rough_data_give_the_printed_fits_and_energies(report_design: Build) -> None:
     """Eqs. 5.3.9 and Table 5.III on the inputs recovered from it."""
     E1, E2 = fit(report_design("5_III", "A^2*omega, A^3*omega")), fit(report_design("5_III", "A^2*omega"))
     for found, printed in zip([*E1.coefficients, *E2.coefficients], ["5.221", "5.538", "9.942"], strict=True):
@@ -98,7 +98,7 @@ def test_rough_data_as_printed_give_something_else(report_design: Build) -> None
     np.testing.assert_allclose([*E1.coefficients, *E2.coefficients], [5.091, 5.667, 9.926], atol=5e-4, rtol=0)
 
 
-def test_pitch_data(report_design: Build) -> None:
+def test_pitch_data_give_the_printed_fits_and_energies(report_design: Build) -> None:
     """Eqs. 5.3.14 and 5.3.15 and the viscous 2.39; A^2 omega in E_3 is not significant."""
     E3 = fit(report_design("5_IV", "A^2*omega, A^3*omega^2", run="E3"))
     E4 = fit(report_design("5_IV", "A^3*omega^2", rows=slice(3, 12)))

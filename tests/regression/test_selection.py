@@ -209,7 +209,7 @@ def test_choices_that_are_not_allowed(choice: dict[str, object], said: str) -> N
         Choice(**choice)  # type: ignore[arg-type]  # wrong on purpose
 
 
-def test_refusals(random_design: Build) -> None:
+def test_selections_that_cannot_be_made_are_refused(random_design: Build) -> None:
     with pytest.raises(InputError, match="one of backward, forward, stepwise"):
         stepwise(random_design(1), "sideways")
     with pytest.raises(AnalysisError, match="more than 4 observations"):

@@ -172,7 +172,7 @@ def test_exact_fits_differ_in_size_alone() -> None:
         assert best_subsets(design, criterion).label(0) == ("column 2",)
 
 
-def test_refusals(random_design: Build) -> None:
+def test_subsets_that_cannot_be_searched_are_refused(random_design: Build) -> None:
     with pytest.raises(AnalysisError, match="at most 22 terms"):
         all_subsets(random_design(1, n=30, k=23))
     with pytest.raises(InputError, match="bic, aic, aicc, adjusted-r2, loo"):

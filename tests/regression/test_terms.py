@@ -41,7 +41,7 @@ few = settings(max_examples=30, deadline=None)  # a busy machine is no failure
         ("Ampl._{ä}", (("Ampl._{ä}", 1.0),), "Ampl._{ä}"),
     ],
 )
-def test_parsed(text: str, powers: tuple[tuple[str, float], ...], name: str) -> None:
+def test_text_is_read_as_products_of_powers(text: str, powers: tuple[tuple[str, float], ...], name: str) -> None:
     term = parse_term(text)
     assert (term.powers, term.name) == (powers, name)
 
@@ -109,7 +109,7 @@ def test_whole_powers_carry_what_rounding_lost(exponent: int, base: float) -> No
     assert head[0] == float(exact)
 
 
-def test_values() -> None:
+def test_a_term_has_the_value_of_its_product() -> None:
     A, omega = np.array([0.5, 2.0]), np.array([3.0, 4.0])
     table = {"A": A, "omega": omega}
     head, _ = parse_term("A^2*omega^-0.5").values(table.__getitem__, 2)

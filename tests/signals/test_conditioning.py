@@ -29,13 +29,7 @@ from damping.signals import (
     yaw_displacement,
 )
 from damping_reed1970 import load_table, load_text
-from damping_reed1970.chapter_3 import (
-    PLANES,
-    PlanarOscillator,
-    find_roots,
-    pitch_response,
-    yaw_response,
-)
+from damping_reed1970.chapter_3 import PLANES, PlanarOscillator, find_roots, pitch_response, yaw_response
 
 OMEGA = np.linspace(11.0, 12.0, 41)
 OSCILLATOR = PlanarOscillator(M=21.0, C=2.3, omega_p=11.40, omega_y=11.50, theta=radians(28))

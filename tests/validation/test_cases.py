@@ -9,13 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damping_validation.generator import (
-    NULLS,
-    PAIRS,
-    draw,
-    draw_case,
-    strata,
-)
+from damping_validation.generator import NULLS, PAIRS, draw, draw_case, strata
 from damping_validation.generator.balance import chosen_rows, recorded
 from damping_validation.generator.effects import TrueEffect
 from damping_validation.generator.refit import KINDS, LIBRARY, OUTSIDE, applied, gap, name_effect, predicted

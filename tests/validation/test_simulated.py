@@ -34,7 +34,7 @@ def test_iwan_energy_is_the_area_of_its_masing_loop():
 
 
 @pytest.mark.parametrize("A", [0.3, 3.0, 4.5, 30.0])
-def test_iwan_slope(A):
+def test_the_slope_of_an_iwan_joint_is_a_difference_of_its_averages(A):
     joint, h = Iwan(0.7, -0.6, 4.0), 1e-6
     numeric = (joint.quadrature(A * np.exp(h), OMEGA) - joint.quadrature(A * np.exp(-h), OMEGA)) / (2.0 * h)
     np.testing.assert_allclose(joint.grow(A, OMEGA)[1], numeric, rtol=1e-7)  # truncation h^2, rounding 1e-16/h
@@ -58,7 +58,7 @@ def test_noise_is_what_it_says():
     np.testing.assert_allclose(data.D[-1] / data.D[0], 4.0, rtol=1e-12)
 
 
-def test_shares():
+def test_a_share_of_a_law_carries_that_share_at_one():
     np.testing.assert_allclose(carrying(0.3, "coulomb").quadrature(5.0, OMEGA), 0.3, rtol=1e-12)
     data = peaks(np.array([1.0, 2.0]), np.array([1.0, 1.5]))
     np.testing.assert_array_equal(data.D, data.tested_force)
