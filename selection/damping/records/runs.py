@@ -244,7 +244,7 @@ def find_run_peaks(run: Run) -> IntArray:
     least = max(log(PROMINENCE), NOISE_BESIDE_PEAK * run.noise)
     peaks = find_prominent(smooth, least)[0]
     falls = [smooth[[a, b]].min() - smooth[a:b].min() >= least for a, b in pairwise(peaks.tolist())]
-    return peaks[np.array([True, *falls])[: len(peaks)]]
+    return np.asarray(peaks[np.array([True, *falls])[: len(peaks)]])
 
 
 def slide_median(values: FloatArray, width: int) -> FloatArray:
