@@ -78,7 +78,7 @@ def test_other_modes_add_their_receptances(mode, rows):
     own = rows.force / MASS / (side.omega**2 - rows.omega**2 + 2j * side.zeta * side.omega * rows.omega)
     # each part to 1e-6 of itself (the linear mode), and their sum nowhere below a tenth of the larger
     expected = phasor(mode, rows) + 0.3 * own
-    np.testing.assert_allclose(phasor(replace(mode, sides=(side)), rows), expected, rtol=1e-5, atol=0)
+    np.testing.assert_allclose(phasor(replace(mode, sides=(side,)), rows), expected, rtol=1e-5, atol=0)
 
 
 @pytest.mark.parametrize("ratio", [0.7, 0.85, 1.15, 1.3])
