@@ -216,6 +216,16 @@ def test_parameters_amplitudes_and_frequencies_broadcast(force: Force, method: s
         np.testing.assert_allclose(values[i], each, rtol=1e-13)
 
 
+def test_forces_are_told_apart_by_their_names_labels_and_formulas() -> None:
+    """One sentence for each; of a sum and of a term of energy they are made of their parts."""
+    for kinds in ([SINGLE[name] for name in CATALOGUE], BESIDE.values()):
+        for said in ("name", "label", "formula"):
+            assert len({getattr(force, said) for force in kinds} - {""}) == len(kinds)
+    assert BESIDE["viscous with slip and friction"].name == "viscous + slip + coulomb"
+    term = BESIDE["energy term"]
+    assert (term.name, term.label, term.formula) == ("A^3*omega^2", "energy term A^3*omega^2", "E = a A^3*omega^2")
+
+
 @every_force
 def test_results_have_the_shape_of_the_states(force: Force) -> None:
     A, omega = np.ones((3, 1)), np.ones(4)
