@@ -17,17 +17,12 @@ if command -v pyenv >/dev/null; then
 	PYENV_VERSION="$(pyenv versions --bare | paste --serial --delimiters=:)"
 	export PYENV_VERSION
 fi
-tried=0
-for version in ${VERSIONS:-3.11 3.12 3.13}; do
-	python="$(command -v "python$version" || true)"
-	if [ -z "$python" ] || ! "$python" -c "" 2>/dev/null; then
-		echo "Python $version is not installed here: not tried"
-		continue
-	fi
+try_version() { # what its Python runs, in its own processes
+	local version="$1" python="$2"
 	echo "Python $version: installing into an empty environment"
 	"$python" -m venv "$work/env$version"
 	bin="$work/env$version/bin"
-	"$bin/python" -m pip install --quiet --disable-pip-version-check --constraint "$clone/constraints.txt" \
+	"$bin/python" -m pip install --quiet --disable-pip-version-check --no-compile --constraint "$clone/constraints.txt" \
 		"$work"/dist/*.whl pytest hypothesis
 	# the tests and the tables they compare with, without the packages: those must come from the wheel
 	mkdir "$work/try$version"
@@ -58,15 +53,30 @@ for version in ${VERSIONS:-3.11 3.12 3.13}; do
 		echo "a bare install does not say what the fleet needs: $said" >&2
 		exit 1
 	fi
-	"$bin/python" -m pip install --quiet --disable-pip-version-check --constraint "$clone/constraints.txt" \
+	"$bin/python" -m pip install --quiet --disable-pip-version-check --no-compile --constraint "$clone/constraints.txt" \
 		"$(echo "$work"/dist/*.whl)[fleet,formats]"
 	mkdir records
 	cp "$data/records/config-2-mode-1.csv" "$data/modes/config-2-mode-1.toml" records
 	"$bin/damping" --quiet fleet records --out fleet --fast --workers 0 >/dev/null
 	# a calibration, --quick too, takes too long here: that it answers stands for it
 	"$bin/damping" calibrate --help >/dev/null
-	cd "$clone"
-	tried=$((tried + 1))
+}
+
+# all versions at once: most of it is installing, which waits for the disk
+declare -A running
+for version in ${VERSIONS:-3.11 3.12 3.13}; do
+	python="$(command -v "python$version" || true)"
+	if [ -z "$python" ] || ! "$python" -c "" 2>/dev/null; then
+		echo "Python $version is not installed here: not tried"
+		continue
+	fi
+	(try_version "$version" "$python") >"$work/log$version" 2>&1 &
+	running[$version]=$!
 done
-echo "wheel tried on $tried version(s) of Python"
-[ "$tried" -gt 0 ]
+failed=0
+for version in "${!running[@]}"; do
+	wait "${running[$version]}" || failed=1
+	cat "$work/log$version"
+done
+echo "wheel tried on ${#running[@]} version(s) of Python"
+[ "${#running[@]}" -gt 0 ] && [ "$failed" -eq 0 ]
