@@ -5,7 +5,7 @@ the values, as text or (58b) as bytes. Header lines are counted, not searched, s
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -65,13 +65,12 @@ class DataSet:
     form: np.dtype[np.void] | None  #: binary storage of a point; None: text
     start: int
     end: int
-    closed: bool  #: a closing line was found
     units_code: int  #: of the preceding data set 164
 
     @property
     def parts(self) -> int:
         """Numbers in one value: 1 if real, 2 if complex."""
-        return _count_parts(self.ordinate)
+        return 1 if self.ordinate in (2, 4) else 2
 
     @property
     def quantity(self) -> str:
@@ -137,9 +136,8 @@ def find_sets(data: bytes) -> tuple[list[DataSet], list[int]]:
                 others.append(kind)
             if kind == 164:
                 units_code = _whole(data[place : place + 10].split(b"\n")[0])
-            end = _END.search(data, place)
-            place = len(data) if end is None else end.start()
-        closing = _END.match(data, place) or _CLOSING.match(data, place)
+            place = _find_end(data, place)
+        closing = _CLOSING.match(data, place)
         place = place if closing is None else closing.end() + 1
     else:
         raise InputError(f"more than {MOST_SETS} data sets", expected="a file with fewer")
@@ -147,6 +145,12 @@ def find_sets(data: bytes) -> tuple[list[DataSet], list[int]]:
         has = f" (it has {', '.join(map(str, others))})" if others else ""
         raise InputError(f"no data set 58{has}", expected="a universal file with functions at nodal DOF")
     return sets, others
+
+
+def _find_end(data: bytes, place: int) -> int:
+    """Start of the closing line from a place on, or the end of the file."""
+    closing = _END.search(data, place)
+    return len(data) if closing is None else closing.start()
 
 
 def _take_lines(data: bytes, place: int, count: int) -> tuple[list[bytes], int]:
@@ -178,14 +182,7 @@ def _read_set(data: bytes, place: int, line: int, match: re.Match[bytes], number
     if points < 1:
         raise InputError(f"{points} points", line=line + 7, expected="at least one")
     axes = [Axis(_whole(content[:10]), _describe_text(content[46:80])) for content in lines[7:10]]
-    form = None
-    if match[2]:
-        form, end = _find_binary_form(data, start, match[3].split(), ordinate, points, spacing == 1, line)
-        closed = True
-    else:
-        closing = _END.search(data, start)
-        end, closed = len(data) if closing is None else closing.start(), closing is not None
-    return DataSet(
+    entry = DataSet(
         number=number,
         line=line,
         title=_describe_text(lines[0][:80]),
@@ -202,17 +199,12 @@ def _read_set(data: bytes, place: int, line: int, match: re.Match[bytes], number
         abscissa=axes[0],
         numerator=axes[1],
         denominator=axes[2],
-        form=form,
+        form=None,
         start=start,
-        end=end,
-        closed=closed,
+        end=start if match[2] else _find_end(data, start),
         units_code=units_code,
     )
-
-
-def _count_parts(ordinate: int) -> int:
-    """Numbers in one value of an ordinate data type: 1 if real, 2 if complex."""
-    return 1 if ordinate in (2, 4) else 2
+    return _find_binary_form(data, entry, match[3].split()) if match[2] else entry
 
 
 def _whole(field: bytes) -> int:
@@ -249,10 +241,8 @@ def _describe_decoded(content: bytes) -> str:
         return content.decode("latin-1")
 
 
-def _find_binary_form(
-    data: bytes, start: int, fields: list[bytes], ordinate: int, points: int, even: bool, line: int
-) -> tuple[np.dtype[np.void], int]:
-    """Storage of one point of a binary set, and the end of the values.
+def _find_binary_form(data: bytes, entry: DataSet, fields: list[bytes]) -> DataSet:
+    """A binary set with the storage of one point, and the end of the values.
 
     The abscissa is as wide as the ordinate, or (uneven spacing, double precision) of single precision; where single
     precision is stated, both may be double (pyuff writes so). The form that is followed by the end of the set is
@@ -263,16 +253,16 @@ def _find_binary_form(
     """
     byte_order, number_format = (*map(int, fields), 0, 0)[:2]
     if number_format not in (0, 2):
-        raise InputError(f"floating-point format {number_format}", line=line, expected="2 (IEEE 754) in data set 58b")
+        expected = "2 (IEEE 754) in data set 58b"
+        raise InputError(f"floating-point format {number_format}", line=entry.line, expected=expected)
     if byte_order not in (1, 2):
         expected = "1 (little endian) or 2 (big endian) after 58b"
-        raise InputError(f"byte order {byte_order}", line=line, expected=expected)
+        raise InputError(f"byte order {byte_order}", line=entry.line, expected=expected)
     order = "<" if byte_order == 1 else ">"
-    parts = (_count_parts(ordinate),)
-    for wide, x in _WIDTHS[ordinate in (2, 5)]:
-        form = np.dtype([*([] if even else [("x", order + x)]), ("y", order + wide, parts)])
-        end = start + points * form.itemsize
+    for wide, x in _WIDTHS[entry.ordinate in (2, 5)]:
+        form = np.dtype([*([] if entry.even else [("x", order + x)]), ("y", order + wide, (entry.parts,))])
+        end = entry.start + entry.points * form.itemsize
         if end <= len(data) and _CLOSING.match(data, end):
-            return form, end
-    message = f"the bytes of {points} values are not followed by the end of the data set"
-    raise InputError(message, line=line + 7, expected="as many values as the header says, then a line with -1")
+            return replace(entry, form=form, end=end)
+    message = f"the bytes of {entry.points} values are not followed by the end of the data set"
+    raise InputError(message, line=entry.line + 7, expected="as many values as the header says, then a line with -1")

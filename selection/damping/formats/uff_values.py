@@ -8,6 +8,8 @@ them, and the reader recognises it.
 
 import re
 from collections.abc import Iterator
+from contextlib import suppress
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -64,7 +66,7 @@ def _widths(entry: DataSet) -> tuple[int, ...]:
 
 
 def _from_text(data: bytes, entry: DataSet, needed: int) -> FloatArray:
-    cut_off = "" if entry.closed else " (the file is cut off)"
+    cut_off = "" if entry.end < len(data) else " (the file is cut off)"
     as_the_header_says = f"{needed} values, as the header says"
     if needed > (entry.end - entry.start) // 2 + 1:  # each value takes a digit and a blank
         raise InputError(f"fewer values{cut_off}", line=entry.line + 12, expected=as_the_header_says)
@@ -97,33 +99,29 @@ def _parts(data: bytes, start: int, end: int) -> Iterator[bytes]:
 def _numbers(part: bytes, widths: tuple[int, ...], line: int) -> FloatArray:
     """Numbers in some lines: separated by blanks, else in columns, which may touch."""
     part = _NO_LETTER.sub(rb"E\1", part.translate(D_TO_E))
-    for fields in (bytes.split, lambda text: list(_in_columns(text, widths))):
-        texts = fields(part)
+    texts = part.split()
+    if max(map(len, texts), default=0) <= _LONGEST:
+        with suppress(ValueError):
+            return _convert(texts)
+    rows = []
+    for number, row in enumerate(part.split(b"\n"), line):
         try:
-            if max(map(len, texts), default=0) <= _LONGEST:
-                return np.array(texts, dtype=np.bytes_).astype(np.float64)
+            rows.append(_in_columns(row, widths))
         except ValueError:
-            continue
-    for number, text in enumerate(part.split(b"\n"), line):
-        try:
-            [float(field) for field in _in_columns(text, widths)]
-        except ValueError:
-            line = number
-            break
-    raise InputError("a value is not a number", line=line, expected="numbers alone")
+            raise InputError("a value is not a number", line=number, expected="numbers alone") from None
+    return np.concatenate(rows)
 
 
-def _in_columns(text: bytes, widths: tuple[int, ...]) -> Iterator[bytes]:
-    """The fields of each line by column width, without blank ones."""
-    for row in text.split(b"\n"):
-        start = 0
-        for width in widths:
-            field = row[start : start + width].strip()
-            start += width
-            if field:
-                yield field
-        if row[start:].strip():
-            yield b"beyond the columns"
+def _in_columns(row: bytes, widths: tuple[int, ...]) -> FloatArray:
+    """Numbers of a line by column width, without blank fields. ValueError: no number, or text beyond the columns."""
+    if row[sum(widths) :].strip():
+        raise ValueError
+    fields = (row[start:stop].strip() for start, stop in pairwise(accumulate(widths, initial=0)))
+    return _convert([field for field in fields if field])
+
+
+def _convert(texts: list[bytes]) -> FloatArray:
+    return np.array(texts, dtype=np.bytes_).astype(np.float64)
 
 
 PEAK = "peak amplitudes"  #: fourth ID line of a set with peak amplitudes of the sine
