@@ -71,9 +71,10 @@ def _from_text(data: bytes, entry: DataSet, needed: int) -> FloatArray:
     if needed > (entry.end - entry.start) // 2 + 1:  # each value takes a digit and a blank
         raise InputError(f"fewer values{cut_off}", line=entry.line + 12, expected=as_the_header_says)
     numbers = np.empty(needed)
+    columns = list(accumulate(_widths(entry), initial=0))
     count, line = 0, entry.line + 12
     for part in _parts(data, entry.start, entry.end):
-        values = _numbers(part, _widths(entry), line)
+        values = _numbers(part, columns, line)
         taken = min(len(values), needed - count)
         numbers[count : count + taken] = values[:taken]
         surplus = values[taken:]
@@ -96,32 +97,28 @@ def _parts(data: bytes, start: int, end: int) -> Iterator[bytes]:
         start = stop if stop > start else end
 
 
-def _numbers(part: bytes, widths: tuple[int, ...], line: int) -> FloatArray:
+def _numbers(part: bytes, columns: list[int], line: int) -> FloatArray:
     """Numbers in some lines: separated by blanks, else in columns, which may touch."""
     part = _NO_LETTER.sub(rb"E\1", part.translate(D_TO_E))
     texts = part.split()
     if max(map(len, texts), default=0) <= _LONGEST:
         with suppress(ValueError):
-            return _convert(texts)
-    rows = []
-    for number, row in enumerate(part.split(b"\n"), line):
+            return np.array(texts, dtype=np.bytes_).astype(np.float64)
+    numbers: list[float] = []
+    for at, row in enumerate(part.split(b"\n"), line):
         try:
-            rows.append(_in_columns(row, widths))
+            numbers += _in_columns(row, columns)
         except ValueError:
-            raise InputError("a value is not a number", line=number, expected="numbers alone") from None
-    return np.concatenate(rows)
+            raise InputError("a value is not a number", line=at, expected="numbers alone") from None
+    return np.array(numbers)
 
 
-def _in_columns(row: bytes, widths: tuple[int, ...]) -> FloatArray:
-    """Numbers of a line by column width, without blank fields. ValueError: no number, or text beyond the columns."""
-    if row[sum(widths) :].strip():
+def _in_columns(row: bytes, columns: list[int]) -> list[float]:
+    """Numbers of a line between places, without blank fields. ValueError: no number, or text beyond the columns."""
+    if row[columns[-1] :].strip():
         raise ValueError
-    fields = (row[start:stop].strip() for start, stop in pairwise(accumulate(widths, initial=0)))
-    return _convert([field for field in fields if field])
-
-
-def _convert(texts: list[bytes]) -> FloatArray:
-    return np.array(texts, dtype=np.bytes_).astype(np.float64)
+    fields = (row[start:stop].strip() for start, stop in pairwise(columns))
+    return [float(field.rstrip(b"\0")) for field in fields if field]  # as numpy reads bytes
 
 
 PEAK = "peak amplitudes"  #: fourth ID line of a set with peak amplitudes of the sine
