@@ -208,6 +208,12 @@ def test_what_is_wrong_is_named(read: Read, message: str, content: str | bytes):
         read(content)
 
 
+def test_the_line_is_that_of_the_data_set_named(read: Read):
+    """The second set, of 15 lines as the first, starts at its number in line 17."""
+    with pytest.raises(InputError, match=r"line 17: data set 2 is coherence"):
+        read(COHERENCE * 2, datasets=(2, 1))
+
+
 def test_missing_quantities_are_asked_for(read: Read, tmp_path: Path, imported):
     """Ordinate types 0 (unknown): neither the motion nor what it is divided by is in the file."""
     blank = "         0    0    0    0 NONE                 NONE"
