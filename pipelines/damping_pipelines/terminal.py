@@ -5,10 +5,14 @@ import os
 import sys
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from itertools import zip_longest
-from textwrap import TextWrapper, wrap
+from io import StringIO
+from textwrap import wrap
+from typing import Any
 
+from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions
+from rich.rule import Rule
+from rich.table import Table
 from rich.text import Text
 
 from damping.errors import InputError
@@ -16,7 +20,6 @@ from damping.progress import Advance
 from damping.records import Audit, audit
 from damping.records.mode import Mode
 from damping.records.record import Record
-from damping.records.text import describe_shortened
 from damping.report import end_sentence
 from damping_pipelines import QUIET
 
@@ -83,6 +86,8 @@ class Notes:
 
 _GAP = 2  #: characters between two columns of a table
 _LEAST_NAME = 14  #: characters that a name keeps at least
+#: Text as it stands: brackets hold units and parts of names from files, and ``:x:`` in a name is no emoji.
+_PLAIN: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False}
 WIDTH = 80  #: width where standard output is no terminal and the environment names none: a log, a mail
 
 
@@ -112,9 +117,9 @@ class PlainTable:
         """The lines of the table in ``width`` characters."""
         count = len(self.names)
         needed = [self._width(column) for column in range(count + len(self.numbers))]
-        least = [min(size, _LEAST_NAME) for size in needed[:count]]
         blocks: list[list[int]] = [[]]
-        room = width - sum(least) - _GAP * (count - 1)  # a gap fewer than columns
+        room = width - sum(min(size, _LEAST_NAME) for size in needed[:count])
+        room -= _GAP * (count - 1)  # a gap fewer than columns
         left = room
         for column in range(count, len(needed)):
             if blocks[-1] and left < needed[column] + _GAP:
@@ -122,56 +127,31 @@ class PlainTable:
                 blocks, left = [*blocks, first], room - sum(needed[at] + _GAP for at in first)
             blocks[-1].append(column)
             left -= needed[column] + _GAP
-        lines = ["", *wrap(self.title, width)] if self.title else []
-        for number, block in enumerate(blocks):
-            free = width - sum(needed[column] + _GAP for column in block)
-            names = _share(needed[:count], least, free - _GAP * (count - 1))
-            widths = [*names, *(needed[column] for column in block)]
-            lines += [*([""] if number else []), *self._draw(block, widths)]
-        return lines
+        page = StringIO()
+        to = Console(file=page, width=width + _GAP, color_system=None, **_PLAIN)  # a gap follows the last column too
+        for block in blocks:
+            to.print("", self._draw(block, needed), sep="\n", crop=False)
+        lines = [line.rstrip() for line in page.getvalue().split("\n")[1:-1]]
+        return ["", *wrap(self.title, width), *lines] if self.title else lines
 
     def _width(self, column: int) -> int:
         """Width of a column: of names the full text; of numbers the longest cell and word of the heading."""
         cells = [line for row in self.rows for line in row[column].split("\n")]
         heading = [self.names[column]] if column < len(self.names) else self.numbers[column - len(self.names)].split()
-        return max((len(text) for text in (*cells, *heading)), default=0)
+        return max(map(cell_len, (*cells, *heading)), default=0)
 
-    def _draw(self, block: Sequence[int], widths: Sequence[int]) -> list[str]:
+    def _draw(self, block: Sequence[int], needed: Sequence[int]) -> Table:
+        """Names, whose widest shrinks first, and some columns of numbers as wide as they need."""
         count = len(self.names)
-        columns = [*range(count), *block]
-        headings = [*self.names, *(self.numbers[column - count] for column in block)]
-        wrapped = [wrap(text, size) if text else [""] for text, size in zip(headings, widths, strict=True)]
-        deep = max(map(len, wrapped), default=0)
-        cells = [[""] * (deep - len(lines)) + lines for lines in wrapped]
-        drawn = _set_lines(cells, widths, count)
-        drawn.append("  ".join("-" * size for size in widths))
+        table = Table(box=None, padding=(0, _GAP, 0, 0))
+        for name in self.names:
+            table.add_column(name, overflow="ellipsis" if self.numbers else "fold")
+        for column in block:
+            table.add_column(self.numbers[column - count], justify="right", width=needed[column])
+        table.add_row(*(Rule(characters="-") for _ in table.columns))
         for row in self.rows:
-            cells = [row[column].split("\n") for column in columns]
-            for place, size in enumerate(widths[:count]):  # beside numbers a name goes on below at its spaces
-                fit = TextWrapper(size, break_long_words=not self.numbers, break_on_hyphens=False).wrap
-                cells[place] = [part for line in cells[place] for part in fit(line) or [""]]
-            drawn += _set_lines(cells, widths, count)
-        return drawn
-
-
-def _set_lines(cells: Sequence[Sequence[str]], widths: Sequence[int], names: int) -> list[str]:
-    """The lines of a row of cells, names to the left and numbers to the right."""
-    lines = []
-    for texts in zip_longest(*cells, fillvalue=""):
-        sized = list(zip(texts, widths, strict=True))
-        parts = [describe_shortened(text, size, "…").ljust(size) for text, size in sized[:names]]
-        parts += [text.rjust(size) for text, size in sized[names:]]
-        lines.append((" " * _GAP).join(parts).rstrip())
-    return lines
-
-
-def _share(needed: Sequence[int], least: Sequence[int], room: int) -> list[int]:
-    """Widths of names that fit into ``room``: the widest shrinks first, none below its least width."""
-    widths = list(needed)
-    while sum(widths) > room and any(size > low for size, low in zip(widths, least, strict=True)):
-        widest = max(range(len(widths)), key=lambda i: widths[i] - least[i])
-        widths[widest] -= 1
-    return widths
+            table.add_row(*(row[column] for column in (*range(count), *block)))
+        return table
 
 
 def name_quantity(what: str, unit: str) -> str:
@@ -230,14 +210,11 @@ def parse_pairs(
 
 
 def console() -> Console:
-    """Standard output; if it is no terminal, its width is ``COLUMNS`` of the environment, else ``WIDTH``.
-
-    Brackets are plain text, since they hold units and parts of names from files.
-    """
-    terminal = _Terminal(markup=False, highlight=False)
+    """Standard output; if it is no terminal, its width is ``COLUMNS`` of the environment, else ``WIDTH``."""
+    terminal = _Terminal(**_PLAIN)
     if terminal.is_terminal or os.environ.get("COLUMNS", "").isdecimal():
         return terminal
-    return _Terminal(width=WIDTH, markup=False, highlight=False)
+    return _Terminal(width=WIDTH, **_PLAIN)
 
 
 class _Terminal(Console):

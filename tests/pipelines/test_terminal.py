@@ -20,7 +20,7 @@ from damping.report.forms import PART_NAMES
 from damping_pipelines import QUIET
 from damping_pipelines.cli import app
 from damping_pipelines.laws import Asked, _name_laws, _state_frequency
-from damping_pipelines.terminal import Notes, PlainTable, number_whole, progress
+from damping_pipelines.terminal import Notes, PlainTable, number_whole, print_lines, progress
 
 #: A number that was cut: a digit beside what stands for the rest.
 CUT = re.compile(r"\d…|…\d")
@@ -141,6 +141,15 @@ def test_prose_is_wrapped_not_shortened():
     lines = table.fit(40)
     assert all(len(line) <= 40 for line in lines)
     assert "mode 4 0.00212" in " ".join(" ".join(lines).split())
+
+
+def test_names_from_files_are_printed_as_they_stand(capsys):
+    """Brackets that could be a style, and what rich takes for an emoji: a node, a direction and a number."""
+    name = "12:x:3 [red]g[/red]"
+    print_lines(name)
+    table = PlainTable("", ("1",), ("sensor",))
+    table.add_row(name, "5")
+    assert [capsys.readouterr().out.strip(), table.fit(40)[-1]] == [name, f"{name}  5"]
 
 
 def test_the_next_command_can_be_typed_as_it_stands():
