@@ -152,6 +152,12 @@ def test_names_from_files_are_printed_as_they_stand(capsys):
     assert [capsys.readouterr().out.strip(), table.fit(40)[-1]] == [name, f"{name}  5"]
 
 
+def test_wide_characters_take_two_columns():
+    table = PlainTable("", ("周波数",), ("名",))
+    table.add_row("梁", "1.5")
+    assert table.fit(40) == ["名  周波数", "--  ------", "梁     1.5"]
+
+
 def test_the_next_command_can_be_typed_as_it_stands():
     asked = Asked(Path("my record.csv"), Path("a'b.toml"), None, None, 0, 1, ())
     words = [

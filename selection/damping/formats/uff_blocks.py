@@ -6,6 +6,8 @@ the values, as text or (58b) as bytes. Header lines are counted, not searched, s
 
 import re
 from dataclasses import dataclass, replace
+from io import BytesIO
+from itertools import islice
 
 import numpy as np
 
@@ -155,13 +157,9 @@ def _find_end(data: bytes, place: int) -> int:
 
 def _take_lines(data: bytes, place: int, count: int) -> tuple[list[bytes], int]:
     """Up to ``count`` lines from a place on, fewer at the end of the file, and the start of the next line."""
-    lines: list[bytes] = []
-    while len(lines) < count and place < len(data):
-        end = data.find(b"\n", place)
-        end = len(data) if end < 0 else end
-        lines.append(data[place:end].rstrip(b"\r"))
-        place = end + 1
-    return lines, place
+    file = BytesIO(data)  # shares the bytes
+    file.seek(place)
+    return [line.rstrip(b"\r\n") for line in islice(file, count)], file.tell()
 
 
 def _read_set(data: bytes, place: int, line: int, match: re.Match[bytes], number: int, units_code: int) -> DataSet:

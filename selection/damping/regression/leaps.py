@@ -18,6 +18,9 @@ has no other term, since the solution is unique.
 Leave-one-out error: each subset of a node has leverages of at least h, those of the terms that stay, so its sum of
 squared errors is at least sum_i w_i e_i^2, w = 1/(1 - h)^2. That is a quadratic form above G, bounded about its own
 least value: with a = Q'(W - 1) e, by sum_i w_i e_i^2 - |a|^2 and the costs of drops with b + R^-1 a in place of b.
+
+No library of Python does this: R's leaps has neither signs nor leave-one-out and does not end within two minutes on the
+40 terms of ``benchmarks.best_subset``, abess proves nothing.
 """
 
 from dataclasses import dataclass, replace
