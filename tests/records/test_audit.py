@@ -149,6 +149,20 @@ def test_an_energy_that_contradicts_its_row_is_refused(factor):
     assert ("energy" in [one.check for one in found]) == (factor == 0.5)  # of one row only what no noise is
 
 
+@pytest.mark.parametrize(("viscous", "said"), [(0.3, []), (3.0, []), (90.0, ["beyond-model"])])
+def test_further_forces_do_not_excuse_a_viscous_one_that_is_too_large(viscous, said):
+    """A viscous force of 3 N s/m beside a file of that or another and one more force, which only adds to it."""
+    r = np.linspace(0.94, 1.06, 21)
+    Y = 4.0 * 10.7**2 * (1.0 - r**2) + 3j * 10.7 * r
+    table = pd.DataFrame(
+        {"sweep": "A", "force": 1.0, "frequency": 10.7 * r / (2.0 * np.pi), "amplitude": 1.0 / np.abs(Y)}
+    ).assign(phase=np.angle(Y))
+    mode = dp.Mode(
+        name="m", frequency=10.7 / (2.0 * np.pi), mass=4.0, damping={"viscous": viscous, "velocity-squared": 0.6}
+    )
+    assert [one.check for one in audit(dp.Record(table), mode).findings] == said
+
+
 @pytest.mark.parametrize(("factor", "said"), [(1.0, []), (1000.0, ["beyond-model"]), (1e5, ["units"])])
 def test_peaks_in_another_unit_are_doubted_by_their_damping(factor, said):
     """Peaks A = F/(2 zeta K) of zeta = 0.005 in mm beside a mode in m: zeta would be 5e-6, as of no assembly."""
