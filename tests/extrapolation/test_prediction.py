@@ -79,6 +79,12 @@ def test_an_average_of_one_is_that_one(saturn):
     np.testing.assert_allclose(loads.average.high, loads.by_model[0].high, rtol=1e-12)
 
 
+def test_a_column_without_a_resonance_has_no_quantiles():
+    """Nor does a warning join the answer at a force that friction alone holds; here a warning is an error."""
+    quantiles = find_quantiles(np.array([[1.0, np.nan], [1.0, np.nan]]), np.ones(2), np.array([0.25, 0.75]))
+    np.testing.assert_array_equal(quantiles, [[1.0, np.nan], [1.0, np.nan]])
+
+
 def test_quantiles_of_draws_that_stand_for_shares():
     values = np.random.default_rng(0).standard_normal((5001, 2))
     at = np.array([0.05, 0.5, 0.95])

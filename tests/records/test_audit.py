@@ -81,6 +81,40 @@ def test_one_cause_is_one_finding(name):
     assert (finding.advice == "are they turns? multiply by 2 pi") == (name == "turns")
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("scatter", [0.02, 0.3])
+def test_noise_about_one_phase_is_no_resonance(scatter, seed):
+    """Phases that are near each other, but turn nowhere, are no lag of a resonance."""
+    rng = np.random.default_rng(seed)
+    table = wrong_cases(1)["noise"][1]
+    table = table.assign(phase=0.5 * np.pi + scatter * rng.normal(size=len(table)))
+    (finding,) = audit(record_of(table), None).findings
+    assert (finding.check, finding.verdict) == ("edge-of-sweep", "refuse")
+
+
+@pytest.mark.parametrize(
+    ("gains", "check"),
+    [
+        ((1.0, 0.42, 0.18, 0.074), "amplitude-falls"),
+        ((1.0, 0.35, 0.13, 0.044), "amplitude-falls"),
+        ((1.0, 0.25, 0.06, 0.016), "amplitude-falls"),
+        ((1e-3, 1e-3, 1e-3, 1e-4), "units"),  # millimetres for metres, and one level off besides
+    ],
+)
+def test_levels_that_fall_are_no_unit(gains, check):
+    """A unit is that of every level; levels off by the ``gains`` fall though their masses are, in the middle, far."""
+    r = np.linspace(0.94, 1.06, 21)
+    Y = 4.0 * (10.7**2 * (1.0 - r**2) + 2j * 0.04 * 10.7**2 * r)
+    rows = {"frequency": 10.7 * r / (2.0 * np.pi), "phase": np.angle(Y)}
+    levels = zip("ABCD", (10.0, 20.0, 40.0, 80.0), gains, strict=True)
+    tables = [
+        pd.DataFrame({"sweep": s, "force": F, "amplitude": gain * F / np.abs(Y), **rows}) for s, F, gain in levels
+    ]
+    mode = dp.Mode(name="m", frequency=10.7 / (2.0 * np.pi), mass=4.0)
+    found = audit(dp.Record(pd.concat(tables, ignore_index=True)), mode)
+    assert [(one.check, one.verdict) for one in found.findings] == [(check, "refuse")]
+
+
 @pytest.mark.parametrize(
     ("rows", "drawn"), [(4, 20), (15, 20), *(pytest.param(rows, 50, marks=pytest.mark.slow) for rows in (4, 6, 9, 15))]
 )
@@ -113,6 +147,20 @@ def test_an_energy_that_contradicts_its_row_is_refused(factor):
     one_row[int(np.argmax(truth["amplitude"]))] *= factor
     found = audit(record_of(measured(truth, b).assign(energy=one_row)), b.mode).findings
     assert ("energy" in [one.check for one in found]) == (factor == 0.5)  # of one row only what no noise is
+
+
+@pytest.mark.parametrize(("viscous", "said"), [(0.3, []), (3.0, []), (90.0, ["beyond-model"])])
+def test_further_forces_do_not_excuse_a_viscous_one_that_is_too_large(viscous, said):
+    """A viscous force of 3 N s/m beside a file of that or another and one more force, which only adds to it."""
+    r = np.linspace(0.94, 1.06, 21)
+    Y = 4.0 * 10.7**2 * (1.0 - r**2) + 3j * 10.7 * r
+    table = pd.DataFrame(
+        {"sweep": "A", "force": 1.0, "frequency": 10.7 * r / (2.0 * np.pi), "amplitude": 1.0 / np.abs(Y)}
+    ).assign(phase=np.angle(Y))
+    mode = dp.Mode(
+        name="m", frequency=10.7 / (2.0 * np.pi), mass=4.0, damping={"viscous": viscous, "velocity-squared": 0.6}
+    )
+    assert [one.check for one in audit(dp.Record(table), mode).findings] == said
 
 
 @pytest.mark.parametrize(("factor", "said"), [(1.0, []), (1000.0, ["beyond-model"]), (1e5, ["units"])])

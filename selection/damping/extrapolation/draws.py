@@ -110,7 +110,8 @@ def find_quantiles(values: FloatArray, shares: FloatArray, at: FloatArray) -> Fl
         order = np.argsort(column)  # NaN last
         column, share = column[order], np.where(np.isnan(column[order]), 0.0, shares[order])
         total = np.cumsum(share)
-        quantiles.append(np.interp(at, (total - 0.5 * share) / total[-1], column))
+        with np.errstate(invalid="ignore"):  # a column of NaN alone has no quantiles
+            quantiles.append(np.interp(at, (total - 0.5 * share) / total[-1], column))
     return np.array(quantiles).T
 
 

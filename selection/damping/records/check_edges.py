@@ -12,16 +12,21 @@ from damping.arrays import FloatArray
 from damping.records.peaks import find_noise, find_peak
 from damping.records.phase_kinds import SMOOTH
 from damping.records.resonance import find_jump
-from damping.records.runs import FEWEST_ROWS, Run, order_rows
+from damping.records.runs import FEWEST_ROWS, WHITE, Run, measure_whiteness, order_rows
 from damping.records.view import MOST_NAMED, Finding, View, label_sweeps, name_sweeps
 
 
 def check_noise(view: View) -> Finding | None:
-    """Amplitudes that differ from row to row as much as over the whole sweep: there is no resonance."""
+    """Amplitudes that differ from row to row as much as over the whole sweep: there is no resonance.
+
+    Phases may still show one that turn in every sweep, and do not differ from row to row as much as over the sweep.
+    """
     if view.curve:
         return None
-    smooth = [run for run in view.runs if run.phase is not None and np.mean(np.cos(np.diff(run.phase))) > SMOOTH]
-    if len(smooth) == len(view.runs):
+    phases = [run.phase for run in view.runs if run.phase is not None]
+    smooth = [phase for phase in phases if np.mean(np.cos(np.diff(phase))) > SMOOTH]
+    white = measure_whiteness([np.exp(1j * phase) for phase in smooth])
+    if len(smooth) == len(view.runs) and (white is None or white < WHITE):
         return None
     what = "amplitudes jump from row to row as much as over the whole sweep: this record has no resonance"
     advice = "check the channel and the tracking filter, or take a band with a resonance"

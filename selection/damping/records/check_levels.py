@@ -53,8 +53,7 @@ def check_levels(view: View) -> Finding | None:
     another has a wrong force or wrong readings. If there is one, a single pair of falling levels is not scatter, and if
     the other levels do not fall, a diagnosis names it.
     """
-    beside = {leg.run.sweep for leg in view.legs if not leg.resonant}
-    table = view.implied[~view.implied["sweep"].isin(beside)].sort_values("force", kind="stable")
+    table = _list_resonant(view)
     odd = find_odd_masses(view, table)
     pair, certain = _find_fall(table, {level.sweep for level in odd})
     if pair is None and not odd:
@@ -69,6 +68,22 @@ def check_levels(view: View) -> Finding | None:
     check = "level-offset" if pair is None else "amplitude-falls"
     kind = NamedFinding if named else Finding
     return kind(check, "refuse" if hopeless else "caution", what, advice, sweeps)
+
+
+def falls_with_force(view: View) -> bool:
+    """Whether enough levels fall to refuse the record: no unit, which is that of every level, makes them fall.
+
+    A single level with an odd mass may fall beside a wrong unit.
+    """
+    table = _list_resonant(view)
+    odd = {level.sweep for level in find_odd_masses(view, table)}
+    return not view.record.is_decay and len(odd) != 1 and _find_fall(table, odd)[1]
+
+
+def _list_resonant(view: View) -> pd.DataFrame:
+    """The implied quantities of sweeps that show their resonance, by force."""
+    beside = {leg.run.sweep for leg in view.legs if not leg.resonant}
+    return view.implied[~view.implied["sweep"].isin(beside)].sort_values("force", kind="stable")
 
 
 def _find_fall(table: pd.DataFrame, odd: set[str]) -> tuple[tuple[int, int] | None, bool]:

@@ -90,7 +90,8 @@ def check_beyond_model(view: View) -> Finding | None:
     if str(table["sweep"].iloc[0]) in list_at_edge(view) and _is_beside(view.mode, frequency, zeta):
         zeta = float("nan")  # not known; the finding on that edge says so
     advice = "check the gain of the sensor, that it reads displacement, and the mode file"
-    if simulated and zeta > 0.0 and len(view.mode.damping) == 1 and abs(log(zeta / simulated)) > log(FAR_DAMPING):
+    far_above = zeta > FAR_DAMPING * simulated and len(view.mode.damping) == 1  # further forces add to the viscous one
+    if simulated and zeta > 0.0 and (far_above or FAR_DAMPING * zeta < simulated):
         name = name_unit(zeta / simulated, view.mode.units, within=NEAR_NAMED)
         differences.append(
             f"a damping ratio of {zeta:.3g}, {simulated:.3g} in the mode file{f' ({name}?)' if name else ''}"

@@ -10,6 +10,7 @@ from math import inf, log, pi
 import numpy as np
 
 from damping.arrays import INCH_M, POUND_FORCE_N, STANDARD_GRAVITY_M_S2, STANDARD_GRAVITY_REPORT_IN_S2, FloatArray
+from damping.records.check_levels import falls_with_force
 from damping.records.mode import Units
 from damping.records.record import energy_per_cycle
 from damping.records.runs import Run
@@ -193,7 +194,7 @@ OTHER_SYSTEM_BENT = 5.0
 
 def check_units(view: View) -> Finding | None:
     """Record and mode in different systems of units, by the implied mass, else by the damping."""
-    if view.mode is None:
+    if view.mode is None or falls_with_force(view):
         return None
     ratio, zeta = view.mass_ratio, take_median(view.implied["damping_ratio"])
     bent = not view.straight and ratio > 0.0 and abs(log(ratio)) < log(OTHER_SYSTEM_BENT)

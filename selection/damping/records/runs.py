@@ -7,6 +7,7 @@ whose least value is (F/A)_r^2.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -28,7 +29,7 @@ NOISE_BESIDE_FALL = 4.0  #: and by this many standard deviations of the noise
 SHORT_OF_PEAK = 1.3
 FAR_FROM_RESONANCE = 0.5  #: a run whose rows all have a larger |cos(lag)| stops more than 30 degrees short of resonance
 NO_PARABOLA = 0.1  #: median misfit of |Y|^2 by a parabola, besides its noise, beyond which a resonance is bent
-WHITE = 1.3  #: mean squared step of ln(A/F) over its variance (white noise: 2) above which amplitudes are no curve
+WHITE = 1.3  #: mean squared step over the variance (white noise: 2) above which ln(A/F), or exp(i phase), is no curve
 
 
 @dataclass(frozen=True)
@@ -221,13 +222,11 @@ def has_resonance(run: Run, lag: FloatArray | None) -> bool:
     return bool(fitted.least > 0.0 and float(np.exp(-2.0 * g[top])) < SHORT_OF_PEAK * fitted.least)
 
 
-def measure_whiteness(runs: list[Run]) -> float | None:
-    """Mean squared step of ln(A/F) from row to row over its variance, 2 for white noise; None with too few rows."""
-    long_runs = [run for run in runs if len(run) >= 2 * FEWEST_ROWS]
-    if not long_runs:
-        return None
-    steps = sum(float(np.sum(np.diff(run.compliance) ** 2)) for run in long_runs)
-    spread = sum(float(np.sum((run.compliance - run.compliance.mean()) ** 2)) for run in long_runs)
+def measure_whiteness(runs: Sequence[FloatArray | ComplexArray]) -> float | None:
+    """Mean squared step of values (n,) of runs over their variance, 2 for white noise; None with too few rows."""
+    long_runs = [values for values in runs if len(values) >= 2 * FEWEST_ROWS]
+    steps = sum(float(np.sum(np.abs(np.diff(values)) ** 2)) for values in long_runs)
+    spread = sum(float(np.sum(np.abs(values - values.mean()) ** 2)) for values in long_runs)
     return steps / spread if spread > 0.0 else None
 
 

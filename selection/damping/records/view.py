@@ -114,7 +114,7 @@ class View:
     @cached_property
     def curve(self) -> bool:
         """Whether the amplitudes form a curve, and are not white noise."""
-        white = measure_whiteness(self.runs)
+        white = measure_whiteness([run.compliance for run in self.runs])
         return white is None or white < WHITE
 
     @cached_property
