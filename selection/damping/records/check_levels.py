@@ -53,9 +53,7 @@ def check_levels(view: View) -> Finding | None:
     another has a wrong force or wrong readings. If there is one, a single pair of falling levels is not scatter, and if
     the other levels do not fall, a diagnosis names it.
     """
-    table = _list_resonant(view)
-    odd = find_odd_masses(view, table)
-    pair, certain = _find_fall(table, {level.sweep for level in odd})
+    table, odd, pair, certain = _compare_levels(view)
     if pair is None and not odd:
         return None
     reports = [] if pair is None else [_report_fall(view, table, *pair)]
@@ -75,15 +73,16 @@ def falls_with_force(view: View) -> bool:
 
     A single level with an odd mass may fall beside a wrong unit.
     """
-    table = _list_resonant(view)
-    odd = {level.sweep for level in find_odd_masses(view, table)}
-    return not view.record.is_decay and len(odd) != 1 and _find_fall(table, odd)[1]
+    _, odd, _, certain = _compare_levels(view)
+    return not view.record.is_decay and len(odd) != 1 and certain
 
 
-def _list_resonant(view: View) -> pd.DataFrame:
-    """The implied quantities of sweeps that show their resonance, by force."""
+def _compare_levels(view: View) -> tuple[pd.DataFrame, list[OddMass], tuple[int, int] | None, bool]:
+    """What sweeps that show their resonance imply, by force; odd masses among it; what `_find_fall` says of it."""
     beside = {leg.run.sweep for leg in view.legs if not leg.resonant}
-    return view.implied[~view.implied["sweep"].isin(beside)].sort_values("force", kind="stable")
+    table = view.implied[~view.implied["sweep"].isin(beside)].sort_values("force", kind="stable")
+    odd = find_odd_masses(view, table)
+    return table, odd, *_find_fall(table, {level.sweep for level in odd})
 
 
 def _find_fall(table: pd.DataFrame, odd: set[str]) -> tuple[tuple[int, int] | None, bool]:
