@@ -62,7 +62,7 @@ try_version() { # what its Python runs, in its own processes
 	"$bin/damping" calibrate --help >/dev/null
 }
 
-# all versions at once: most of it is installing, which waits for the disk
+# all versions at once: one process of each, on as many cores as there are
 declare -A running
 for version in ${VERSIONS:-3.11 3.12 3.13}; do
 	python="$(command -v "python$version" || true)"
@@ -75,7 +75,7 @@ for version in ${VERSIONS:-3.11 3.12 3.13}; do
 done
 failed=0
 for version in "${!running[@]}"; do
-	wait "${running[$version]}" || failed=1
+	wait "${running[$version]}" || { failed=1 && echo "Python $version: failed" >>"$work/log$version"; }
 	cat "$work/log$version"
 done
 echo "wheel tried on ${#running[@]} version(s) of Python"
