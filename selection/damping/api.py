@@ -11,7 +11,7 @@ import pandas as pd
 
 from damping.answers import CurveResult, LoadsResult, RankingResult
 from damping.arrays import FloatArray, Numbers, join_rows, read_floats
-from damping.errors import InputError, check_flags, check_kind, check_seed
+from damping.errors import InputError, check_flags, check_kind, check_whole
 from damping.extrapolation import predict_record
 from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predict_forces, trace_loads
 from damping.extrapolation.prepared import prepare_record
@@ -22,7 +22,7 @@ from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records import audit
 from damping.records.mode import Mode
-from damping.records.reading import require_numbers
+from damping.records.reading import take_numbers
 from damping.records.record import Record
 from damping.records.text import AGREED
 from damping.result import AuditResult, ConditionResult, DiagnosisResult, RegressionResult, SweepResult
@@ -60,7 +60,7 @@ def rank(
     Raises:
         AnalysisError: no candidate could be fitted.
     """
-    check_seed(seed)
+    check_whole(seed=seed)
     prepared = prepare_record(record, mode, check(record, mode).require(despite))
     laws = candidate_laws()
     with watch(progress)("ranking", len(laws)) as done:
@@ -103,7 +103,7 @@ def extrapolate(
     if not len(at) and not len(under):
         raise InputError("no list of forces", expected="one force amplitude > 0 or more")
     check_kind(mode, Mode, "mode")
-    check_seed(seed)
+    check_whole(seed=seed)
     prepared = prepare_record(record, mode, check(record, mode).require(despite))
     predicted = predict_record(prepared, under, (1.0,), level, seed, progress=watch(progress))
     predicted = replace(predicted, loads=predict_forces(predicted, at)) if len(at) else predicted
@@ -137,7 +137,7 @@ def curve(
 
     at, under = list_asked(amplitudes, "amplitude", level), list_asked(forces, "force", level)
     check_kind(mode, Mode, "mode")
-    check_seed(seed)
+    check_whole(seed=seed)
     prepared = prepare_record(record, mode, check(record, mode).require(despite))
     predicted = predict_record(prepared, under, FARTHEST, level, seed, progress=watch(progress))
     reached = at if len(at) or len(under) else list_default_amplitudes(predicted)
@@ -179,7 +179,7 @@ def diagnose(
     from damping.gap import diagnose as diagnosis  # noqa: PLC0415 - as above
 
     check_kind(mode, Mode, "mode")
-    check_seed(seed)
+    check_whole(seed=seed)
     check_flags(posterior=posterior, compare=compare)
     progress = watch(progress)
     none = not isinstance(states, Iterable) or getattr(states, "ndim", 1) == 0  # an array without axes has no items
@@ -235,8 +235,9 @@ def regress(
     parsed = parse_terms(terms if isinstance(terms, str) else ", ".join(terms))
     choice = Choice(select, criterion, nonnegative, t_stop)
     names, source = list_columns_for(response, parsed), source or of
-    table = table.reset_index(drop=True)
-    require_numbers(table, list_required_columns(names, [str(name) for name in table.columns]), source, text=("sweep",))
+    table = table.set_axis([str(name) for name in table.columns], axis=1).reset_index(drop=True)
+    labels = {"sweep"}.difference(names)  # no numbers, unless a term takes them so
+    table = take_numbers(table, list_required_columns(names, list(table.columns)), source, labels)
     return RegressionResult(regression(take_columns(table, names, source), names[0], parsed, choice, Path(source).name))
 
 

@@ -100,6 +100,13 @@ def wrap_lag(phase: FloatArray, least: float = -0.5 * pi) -> FloatArray:
     return phase - 2.0 * pi * np.floor((phase - least) / (2.0 * pi))
 
 
+def unwrap(value: Any) -> Any:
+    """The Python value of a numpy scalar or of an array without axes; dates as scalars, anything else unchanged."""
+    if not (isinstance(value, np.generic) or (type(value) is np.ndarray and value.ndim == 0)):
+        return value
+    return np.asarray(value)[()] if value.dtype.kind in "mM" else value.item()  # the item of a date may be a mere count
+
+
 def read_floats(values: object) -> FloatArray | None:
     """A number, an array or a list of numbers as an array with axes; None if anything is no number or is masked."""
     if np.ma.is_masked(values):
@@ -118,7 +125,7 @@ def is_number(value: object) -> bool:
 
 
 def plain(value: Any) -> Any:
-    """Nested plain Python data: numpy values converted, NaN and infinities replaced by ``None``."""
+    """Nested plain Python data: numpy values converted, NaN and infinities made ``None``, what JSON lacks made text."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
@@ -127,4 +134,4 @@ def plain(value: Any) -> Any:
         return [plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
-    return value
+    return value if isinstance(value, str | int | float | None) else str(value)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 from numbers import Integral
+from os import PathLike
 from pathlib import Path
 
 
@@ -45,7 +46,7 @@ class InputError(DampingError):
         expected: str | None = None,
     ) -> None:
         self.message, self.line, self.column, self.expected = message, line, column, expected
-        self.file = str(file) if file is not None and str(file) else None
+        self.file = str(file) if isinstance(file, str | PathLike) and str(file) else None
         place = [self.file] if self.file is not None else []
         if line is not None:
             place.append(f"line {line}")
@@ -81,10 +82,11 @@ def check_choice(value: object, known: Iterable[str], message: str) -> None:
         raise InputError(message, expected=f"one of {', '.join(known)}")
 
 
-def check_seed(seed: object) -> None:
-    """Raise InputError if ``seed`` is not a whole number >= 0."""
-    if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:
-        raise InputError(f"seed {seed!r}", expected="a whole number >= 0")
+def check_whole(**numbers: object) -> None:
+    """Raise InputError if an argument is not a whole number >= 0."""
+    for name, number in numbers.items():
+        if isinstance(number, bool) or not isinstance(number, Integral) or number < 0:
+            raise InputError(f"{name} {number!r}", expected="a whole number >= 0")
 
 
 def check_flags(**flags: object) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray
-from damping.errors import InputError, check_seed
+from damping.errors import InputError, check_whole
 from damping.extrapolation import sample_candidate
 from damping.infer.chains import Posterior
 from damping.infer.checks import inference_data
@@ -79,7 +79,7 @@ class RankedLaw(Summarised):
         Raises:
             InputError: an invalid seed, or a law that could not be fitted.
         """
-        check_seed(seed)
+        check_whole(seed=seed)
         if self.candidate.evidence is None:
             raise InputError(f"{self.law.name} could not be fitted", expected="a law with a rank")
         return LawSample(sample_candidate(self.candidate, self.data, self.data.tested_force, seed), self.data)

@@ -188,7 +188,8 @@ class SweepResult(Result):
 
     def to_json(self) -> dict[str, Any]:
         """The rows: ``{"format": "record/1", "rows": [..]}``."""
-        form: dict[str, Any] = plain({"format": "record/1", "rows": self.table.to_dict("records")})
+        rows = self.table.astype(object).where(self.table.notna(), None)
+        form: dict[str, Any] = plain({"format": "record/1", "rows": rows.to_dict("records")})
         return form
 
     def plot(self, ax: Axes | None = None) -> Axes | Figure:

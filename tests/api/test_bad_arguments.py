@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+import io
+import json
 import warnings
 from decimal import Decimal
 from pathlib import Path
@@ -25,6 +28,7 @@ TABLE = pd.DataFrame(
 )
 MODE = dp.Mode(name="m", frequency=25.0, mass=0.04, damping={"viscous": 1.0})
 RECORD = dp.Record(TABLE)
+DATES = np.arange("2026-01-01", "2026-01-06", dtype="datetime64[D]").astype("datetime64[ns]")
 
 
 def made(**changed: object) -> dp.Mode:
@@ -48,7 +52,11 @@ MISTAKES = [
     ("record is of type DataFrame; expected Record", lambda: dp.rank(TABLE)),
     ("mode is of type Record", lambda: dp.extrapolate(RECORD, RECORD, [60.0])),
     ("mode is of type str", lambda: dp.diagnose(RECORD, "mode.toml")),
-    ("path 5; expected the name of a file", lambda: dp.read_record(5)),
+    *(("^path is of type", lambda of=of, read=read: read(of))
+      for of in (5, None, b"r.csv", TABLE, io.StringIO()) for read in (dp.read_record, dp.read_mode)),
+    ("^an empty path; expected the name of a file", lambda: dp.read_record("")),
+    *((f"^max_size {of!r}; expected a whole number", lambda of=of, read=read: read("r", max_size=of))
+      for of in (1e9, None) for read in (dp.read_record, dp.read_mode)),
     *(("source is of type", lambda of=of: dp.Record(TABLE, of)) for of in (None, 3)),
     ("column force: two columns of this name", lambda: dp.Record(pd.concat([TABLE, TABLE[["force"]]], axis=1))),
     (
@@ -65,13 +73,18 @@ MISTAKES = [
     *((NO_PAIRS, lambda of=of: dp.diagnose(RECORD, MODE, states=of)) for of in (np.array(5), 3, [RECORD])),
     *(("the simulator " + said + SIMULATOR, lambda of=of: dp.diagnose(RECORD, MODE, simulate=of))
       for said, of in (("tells no parameters", max), ("is of type int", 3))),
+    ("frequency before force", lambda: dp.diagnose(RECORD, MODE, simulate=lambda frequency, force: 1 / 0)),
     ("posterior" + FLAG, lambda: dp.diagnose(RECORD, MODE, posterior="no")),
     ("compare" + FLAG, lambda: dp.diagnose(RECORD, MODE, compare="no")),
     *((r"no list of (force|amplitude)s; expected an? ", lambda ask=ask, name=name: ask(RECORD, MODE, **{name: UNLIKE}))
       for ask in (dp.extrapolate, dp.curve) for name in ("forces", "amplitudes")),
+    (r"force 2026-01-01.*; expected a force amplitude > 0", lambda: dp.extrapolate(RECORD, MODE, DATES)),
+    ("column mass: is a datetime64; expected a number > 0", lambda: made(mass=DATES[0])),
     ("structure" + FLAG, lambda: swept(structure="no")),
     ("force -2", lambda: swept(force=-2.0)),
     (r"force \[2.0, 3.0\]; expected positive numbers", lambda: swept(force=[[2.0, 3.0]])),
+    ("force 1e[+]60; .* of a magnitude of 1e-50 to 1e[+]50", lambda: swept(force=1e60)),
+    ("frequencies out of range; .* of a magnitude of", lambda: swept(frequency=[1.0, 1e60])),
     ("force or frequency is no number", lambda: swept(force="strong")),
     ("frequencies out of range", lambda: swept(frequency=[2.0, 1.0])),
     (
@@ -83,6 +96,10 @@ MISTAKES = [
     ("response is of type int; expected str", lambda: regressed(response=3)),
     ("terms is of type list; expected a text, or a list of terms", lambda: regressed(terms=[3])),
     ("terms is of type int", lambda: regressed(terms=3)),
+    *(("column sweep: 'A' in row 0; expected a finite number", lambda ask=ask: regressed(**ask))
+      for ask in ({"response": "sweep"}, {"terms": "sweep"})),
+    ("column sweep: '(None|nan)' in row 0; expected text",
+     lambda: regressed(frame=TABLE.assign(sweep=[None, *"BCDE"]), response="energy")),
     ("no column 'amplitude'; expected a table with columns", lambda: regressed(frame=pd.DataFrame())),
     *(("to stop at; expected a finite number >= 0", lambda of=of: regressed(select="backward", t_stop=of))
       for of in (True, "2", "x", np.array([2.0]))),
@@ -98,7 +115,33 @@ def test_what_is_no_argument_is_refused(said, call):
 def test_what_is_meant_well_is_understood():
     assert made(source=Path("a/b.toml")).source == "a/b.toml"
     assert dp.Record(TABLE, Path("a/b.csv")) == dp.Record(TABLE, "a/b.csv")
-    assert list_asked(5.0, "force", 0.9).tolist() == list_asked(np.array(5.0), "force", 0.9).tolist() == [5.0]
+    for five in (5.0, np.array(5.0), [np.array(5.0)]):
+        assert list_asked(five, "force", 0.9).tolist() == [5.0]
+    boxed = [np.array(force) for force in FORCE]
+    assert dp.Record(TABLE.assign(force=boxed)) == RECORD
+    assert regressed(frame=TABLE.assign(force=boxed)).to_json() == regressed().to_json()
+    assert made(mass=np.array(0.04), damping={"viscous": np.array(1.0)}) == MODE
+
+
+def test_a_mode_is_made_of_what_it_tells():
+    """Of what is not known too: None was no number."""
+    for mode in (MODE, made(rig={"planes": 1}, repeatability={"amplitude": 0.01})):
+        assert dp.Mode(**dataclasses.asdict(mode)) == mode
+
+
+@pytest.mark.parametrize("column", [5, ("a", "b"), float("nan")])
+def test_a_regression_takes_a_table_whose_columns_have_any_names(column):
+    """A response that is derived was an AttributeError beside such a column."""
+    asked = {"response": "energy", "terms": "A^2*omega"}
+    table = TABLE.rename(columns={"sweep": column}).assign(sweep=TABLE["sweep"])
+    assert regressed(frame=table, **asked).to_json() == regressed(**asked).to_json()
+
+
+def test_a_regression_compares_numbers_that_are_text():
+    """The row of largest amplitude, of which an energy is derived, was the last in the order of the alphabet."""
+    sweeps = TABLE.assign(sweep=list("AABBB"), amplitude=[9.0, 10.0, 8.0, 11.0, 3.0])
+    rows = [row["row"] for row in regressed(frame=sweeps.astype(str), response="energy").to_json()["deviations"]]
+    assert rows == [2, 4]
 
 
 @pytest.mark.parametrize(
@@ -111,6 +154,8 @@ def test_what_is_meant_well_is_understood():
         ("added_mass", pd.Series([0.0, True, 2, "3", None], dtype=object), "column added_mass: holds boolean values"),
         ("time", pd.date_range("2020", periods=5), "column time: holds datetime64 values"),
         ("time", pd.to_timedelta(range(5), unit="s"), "column time: holds timedelta64 values"),
+        ("time", [np.array(moment) for moment in DATES], "column time: holds datetime64 values"),
+        ("time", [1.0, 2.0, 3.0, 4.0, np.ma.masked], "column time: holds values that are no numbers"),
     ],
 )
 def test_columns_that_pandas_would_make_numbers_of(column, values, said):
@@ -259,6 +304,21 @@ def test_a_raw_table_is_checked_like_a_file():
     np.testing.assert_allclose(texts.drop(columns=["sweep", "point"]), expected, rtol=1e-12)
     with pytest.raises(dp.InputError, match="no data rows"):
         dp.condition(raw.iloc[:0], config)
+    with pytest.raises(dp.InputError, match="column point: two columns of this name"):
+        dp.condition(pd.concat([raw, raw[["point"]]], axis=1), config)
+
+
+def test_the_form_of_a_record_is_plain_whatever_columns_are_kept():
+    """A date or a missing number of pandas was no JSON."""
+    folder = data_folder() / "saturn-v"
+    raw = pd.read_csv(folder / "raw" / "config-1-mode-2.csv")
+    for kept, first in (
+        (pd.array([pd.NA, *range(14)]), None),
+        (pd.date_range("2026", periods=15), "2026-01-01 00:00:00"),
+    ):
+        form = dp.condition(raw.assign(point=kept), folder / "condition.toml").to_json()
+        assert json.loads(json.dumps(form, allow_nan=False)) == form
+        assert form["rows"][0]["point"] == first
 
 
 @pytest.mark.parametrize("of", ["force", "frequency", "scalar"])

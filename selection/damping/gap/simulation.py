@@ -188,6 +188,8 @@ class Simulator:
         except ValueError:  # some functions of Python itself tell none
             raise InputError("the simulator tells no parameters", expected="a function of force, frequency") from None
         parameters = [p for p in every if p.kind is p.KEYWORD_ONLY]
+        if [p.name for p in every][:2] == ["frequency", "force"]:
+            raise InputError("the simulator takes frequency before force", expected="force, then frequency")
         if len(every) > len(parameters) + 2:
             raise InputError(
                 "the simulator takes more than force and frequency by position",

@@ -19,6 +19,7 @@ from damping.predict.branches import Branches, by_row, finely, followed, list_ro
 from damping.predict.integrate import sweep_in_time
 from damping.predict.steady import SteadyState
 from damping.progress import Progress, silent
+from damping.records.keys import LARGEST, SMALLEST
 from damping.records.mode import Mode
 from damping.records.record import Record
 from damping.records.resonance import find_resonance
@@ -74,9 +75,10 @@ def simulate_sweeps(
 
 def _check(forces: Sequence[float], frequencies: FloatArray, direction: str, method: str) -> None:
     """InputError for the first invalid argument."""
-    bad = next((force for force in forces if not (isinstance(force, int | float) and 0.0 < force < math.inf)), None)
+    magnitude = f"of a magnitude of {SMALLEST:g} to {LARGEST:g}"
+    bad = next((F for F in forces if not (isinstance(F, int | float) and SMALLEST <= F <= LARGEST)), None)
     if not forces or bad is not None:
-        raise InputError(f"force {bad}" if forces else "no force", expected="positive numbers")
+        raise InputError(f"force {bad}" if forces else "no force", expected=f"positive numbers, {magnitude}")
     if frequencies.size * len(forces) > MOST_POINTS:
         expected = f"{MOST_POINTS} rows (points times forces) at most"
         raise InputError(f"{frequencies.size * len(forces)} rows", expected=expected)
@@ -84,8 +86,8 @@ def _check(forces: Sequence[float], frequencies: FloatArray, direction: str, met
         raise InputError("the same force twice", expected="different force levels")
     if not (frequencies.ndim == 1 and frequencies.size >= 2 and np.isfinite(frequencies).all()):
         raise InputError("frequencies are not a list of several numbers", expected="two frequencies in Hz or more")
-    if not (frequencies[0] > 0.0 and np.all(np.diff(frequencies) > 0.0)):
-        raise InputError("frequencies out of range", expected="0 < LO < HI in Hz, rising")
+    if not (frequencies[0] >= SMALLEST and frequencies[-1] <= LARGEST and np.all(np.diff(frequencies) > 0.0)):
+        raise InputError("frequencies out of range", expected=f"0 < LO < HI in Hz, rising, {magnitude}")
     for name, value, known in (("direction", direction, ("up", "down")), ("method", method, ("ritz", "time"))):
         if not (isinstance(value, str) and value in known):
             raise InputError(f"{name} {value!r} is unknown", expected=" or ".join(known))

@@ -14,7 +14,7 @@ from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
-from damping.errors import InputError, list_nearest, naming
+from damping.errors import InputError, check_whole, list_nearest, naming
 from damping.records.text import DEFAULT_MAX_SIZE, decode, describe_shortened, read_bytes
 
 if TYPE_CHECKING:
@@ -80,6 +80,7 @@ _TOML = "TOML, a key = value on each line"  #: what was expected where TOML cann
 
 def read_toml(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> TomlTable:
     """The top table of a TOML file. InputError, with the line, if it cannot be read or is not TOML."""
+    check_whole(max_size=max_size)
     with naming(path):
         content, broken = decode(read_bytes(path, min(max_size, MAX_TOML_SIZE)))
         if broken is not None:
@@ -171,6 +172,10 @@ class TomlTable:
         if number != 0.0 and not SMALLEST <= abs(number) <= LARGEST:
             raise self.error(key, f"is {number:g}", f"a magnitude of {SMALLEST:g} to {LARGEST:g}")
         return number
+
+    def known(self, key: str, least: float = -math.inf) -> float | None:
+        """The finite number >= ``least`` under ``key``; None if it is missing or None."""
+        return None if self.values.get(key) is None else self.number(key, least=least)
 
     def error(self, key: str, message: str, expected: str) -> InputError:
         """An InputError on the value under ``key``, with its line."""

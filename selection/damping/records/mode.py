@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from damping import effects, forces
-from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray, unwrap
 from damping.forces.shapes import Shape
 from damping.records.keys import TomlTable, read_toml
 from damping.records.text import DEFAULT_MAX_SIZE, read_source
@@ -198,7 +198,7 @@ def _checked(top: TomlTable, name: str) -> dict[str, Any]:
             **{key: tolerance.number(key, default=getattr(Tolerance, key), least=0.0) for key in sizes},
             from_record=tolerance.truth("from_record"),
         ),
-        "repeatability": Repeatability(**{key: repeatability.number(key, least=0.0) for key in repeatability.values}),
+        "repeatability": Repeatability(*(repeatability.known(key, least=0.0) for key in ("amplitude", "frequency"))),
         "units": Units(*(units.text(what, default="") for what in ("force", "length", "time"))),
         "rig": _rig(top.table("rig", "planes", "force", "rate")),
         "damping": simulated,
@@ -217,17 +217,16 @@ def _as_written(value: Any) -> Any:
         value = {key: stated for key, stated in vars(value).items() if stated is not None and stated != ""}
     if isinstance(value, Mapping):
         return {key: _as_written(inner) for key, inner in value.items()}
-    return value.item() if isinstance(value, np.generic) else value
+    return unwrap(value)
 
 
 def _rig(table: TomlTable) -> Rig:
-    planes = table.number("planes") if "planes" in table.values else None
+    planes, rate = table.known("planes"), table.known("rate")
     force = table.text("force", default="")
     if planes not in (None, 1.0, 2.0):
         raise table.error("planes", f"is {planes:g}", "1 or 2")
     if force not in ("", "measured", "prescribed"):
         raise table.error("force", f"is {force!r}", '"measured" or "prescribed"')
-    rate = table.number("rate", least=-np.inf) if "rate" in table.values else None
     return Rig(None if planes is None else int(planes), force, rate)
 
 

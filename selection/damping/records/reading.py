@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from damping.arrays import FloatArray, IntArray
-from damping.errors import InputError, describe_nearest, naming
+from damping.errors import InputError, check_whole, describe_nearest, naming
 from damping.records import keys
 from damping.records.record import CellProblem, Record, find_problems, read_numbers, require_columns
 from damping.records.text import (
@@ -67,6 +67,7 @@ def read_record(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Record
     :func:`damping.records.record.find_problems` finds, and for an unlabelled sweep. A cell of ``mass`` may be empty:
     the mode file's mass then holds.
     """
+    check_whole(max_size=max_size)
     numbers = [name for name in keys.REQUIRED_COLUMNS + keys.OPTIONAL_COLUMNS if name not in keys.TEXT_COLUMNS]
     columns = _Columns(keys.REQUIRED_COLUMNS, numbers, keys.TEXT_COLUMNS, keys.BLANK_COLUMNS)
     with naming(path):
@@ -233,25 +234,31 @@ def _describe_wrong(cell: str) -> str:
 def require_column(
     table: pd.DataFrame, name: str, file: str | Path | None = None, line: int | None = None, why: str = ""
 ) -> None:
-    """Raise InputError for a missing column; ``file`` and ``line`` of the header, ``why`` the column is needed."""
+    """InputError for a missing or repeated column; ``file``, ``line`` of the header, ``why`` the column is needed."""
     if name not in table.columns:
         nearest = describe_nearest(name, map(str, table.columns))
         expected = f"{nearest} or another column" if nearest else "a table with columns"
         raise InputError(f"no column {name!r}{why}", file=file, line=line, expected=expected)
+    if list(table.columns).count(name) > 1:
+        raise InputError("two columns of this name", file=file, line=line, column=name, expected="each name once")
 
 
-def require_numbers(
+def take_numbers(
     table: pd.DataFrame, names: Iterable[str], source: str | None = None, text: Container[str] = ()
-) -> None:
-    """Raise InputError for the first column that is missing, repeated or not finite numbers; ``text`` may be text."""
+) -> pd.DataFrame:
+    """The table with the columns of ``names`` as floats; those in ``text`` that hold no numbers stay as they are.
+
+    InputError: a column that is missing, repeated, or has a cell without a finite number (or, in ``text``, a label).
+    """
+    numbers: dict[str, FloatArray] = {}
     for name in names:
         require_column(table, name, source)
-        if list(table.columns).count(name) > 1:
-            raise InputError("two columns of this name", file=source, column=name, expected="each name once")
-        if name in text and not pd.api.types.is_numeric_dtype(table[name]):
-            continue
-        finite = np.isfinite(read_numbers(table[name], name, source, also="boolean"))  # 0 and 1 say whether
-        if not finite.all():
-            row = int(np.argmin(finite))
+        good, expected = table[name].notna().to_numpy(dtype=bool), "text"
+        if name not in text or pd.api.types.is_numeric_dtype(table[name]):
+            numbers[name] = read_numbers(table[name], name, source, also="boolean")  # 0 and 1 say whether
+            good, expected = np.isfinite(numbers[name]), keys.A_NUMBER
+        if not good.all():
+            row = int(np.argmin(good))
             message = f"{str(table[name].iloc[row])!r} in row {row}"
-            raise InputError(message, file=source, column=name, expected=keys.A_NUMBER)
+            raise InputError(message, file=source, column=name, expected=expected)
+    return table.assign(**numbers)

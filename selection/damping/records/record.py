@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from damping.arrays import FloatArray
+from damping.arrays import FloatArray, unwrap
 from damping.errors import InputError
 from damping.records import keys
 from damping.records.summary import MOST_SHOWN, Summarised
@@ -240,6 +240,7 @@ def read_numbers(cells: pd.Series, name: str, file: str | None, also: str = "") 
     """
     if cells.dtype == np.float64:
         return cells.to_numpy(copy=True)
+    cells = pd.Series([unwrap(cell) for cell in cells], dtype=object) if cells.dtype == object else cells
     kind = pd.api.types.infer_dtype(cells)
     kinds = {pd.api.types.infer_dtype([cell]) for cell in cells} if kind.startswith("mixed") else {kind}
     for kind in sorted(kinds & keys.NO_NUMBERS.keys() - {also}):
@@ -248,6 +249,8 @@ def read_numbers(cells: pd.Series, name: str, file: str | None, also: str = "") 
         return np.asarray(pd.to_numeric(cells, errors="coerce").astype(np.float64))
     except OverflowError:
         raise InputError("a number too large", file=file, column=name, expected=keys.A_NUMBER) from None
+    except TypeError:  # masked, or with a unit
+        raise InputError("holds values that are no numbers", file=file, column=name, expected=keys.A_NUMBER) from None
 
 
 def energy_per_cycle(record: Record) -> FloatArray:

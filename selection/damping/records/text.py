@@ -59,6 +59,8 @@ def too_large(path: str | Path, max_size: int) -> InputError:
 
 def read_start(path: str | Path, most: int) -> bytes:
     """The first ``most`` bytes of a file. InputError if it cannot be read."""
+    if isinstance(path, str) and not path:  # which Path takes for the working folder
+        raise InputError("an empty path", expected="the name of a file")
     try:
         if not Path(path).is_dir() and Path(path).exists() and not Path(path).is_file():  # a pipe would be waited for
             raise InputError("is no regular file", file=path, expected="a file")
@@ -69,7 +71,7 @@ def read_start(path: str | Path, most: int) -> bytes:
     except IsADirectoryError:
         raise InputError("is a folder", file=path, expected="a file") from None
     except TypeError:
-        raise InputError(f"path {path!r}", expected="the name of a file") from None
+        raise InputError(f"path is of type {type(path).__name__}", expected="the name of a file") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         why = getattr(error, "strerror", None) or error
         raise InputError(f"cannot be read: {why}", file=path, expected="a file that can be read") from None

@@ -21,7 +21,7 @@ from damping.arrays import FloatArray, wrap_lag
 from damping.errors import AnalysisError, InputError
 from damping.records.check_ceiling import find_ceiling
 from damping.records.keys import TomlTable, locate, read_schema, read_toml
-from damping.records.reading import read_table, require_column, require_numbers
+from damping.records.reading import read_table, require_column, take_numbers
 from damping.records.text import DEFAULT_MAX_SIZE, CsvRows, read_bytes
 from damping.signals.chain import IN_PHASE, ConditioningStep, condition
 from damping.signals.description import Description
@@ -150,12 +150,11 @@ def check_raw(table: pd.DataFrame, description: Description) -> pd.DataFrame:
     InputError: a column that is missing or not finite numbers, a number out of range, or no rows.
     """
     d = description
-    require_numbers(table, d.columns)
+    raw = take_numbers(table, d.columns).reset_index(drop=True)
     for name in [*([d.raw.sweep] if d.raw.sweep else []), *d.raw.keep]:
         require_column(table, name)
     if table.empty:
         raise InputError("no data rows", expected="at least one row")
-    raw = table.reset_index(drop=True).assign(**{name: pd.to_numeric(table[name]).to_numpy() for name in d.columns})
     for row, name, expected in _find_out_of_range(raw, d):
         raise InputError(f"{raw[name].iloc[row]:g} in row {row}", column=name, expected=expected)
     return raw
