@@ -17,7 +17,7 @@ from damping.extrapolation.curve import FARTHEST, list_default_amplitudes, predi
 from damping.extrapolation.prepared import prepare_record
 from damping.extrapolation.requested import list_asked
 from damping.infer import SEED
-from damping.progress import Progress, silent, single_threaded, watch
+from damping.progress import Progress, silent, undisturbed, watch
 from damping.ranking import rank_laws
 from damping.ranking.candidates import candidate_laws
 from damping.records import audit
@@ -41,7 +41,7 @@ def check(record: Record, mode: Mode | None = None) -> AuditResult:
     return AuditResult(**vars(audit(record, mode)), record=record)
 
 
-@single_threaded
+@undisturbed
 def rank(
     record: Record,
     mode: Mode | None = None,
@@ -72,7 +72,7 @@ def rank(
     return RankingResult(ranking, prepared, doubt_misfit(prepared, ranking.fit, progress))
 
 
-@single_threaded
+@undisturbed
 def extrapolate(
     record: Record,
     mode: Mode,
@@ -111,7 +111,7 @@ def extrapolate(
     return LoadsResult(predicted, prepared, against)
 
 
-@single_threaded
+@undisturbed
 def curve(
     record: Record,
     mode: Mode,
@@ -149,7 +149,7 @@ def curve(
     return CurveResult(predicted, prepared, against, curve=traced)
 
 
-@single_threaded
+@undisturbed
 def diagnose(
     record: Record,
     mode: Mode,
@@ -198,7 +198,7 @@ def diagnose(
     return DiagnosisResult(replace(gap, cautions=cautions), sampled, findings, against)
 
 
-@single_threaded
+@undisturbed
 def regress(
     frame: pd.DataFrame | Record,
     *,
@@ -241,7 +241,7 @@ def regress(
     return RegressionResult(regression(take_columns(table, names, source), names[0], parsed, choice, Path(source).name))
 
 
-@single_threaded
+@undisturbed
 def condition(frame: pd.DataFrame, description: Mapping[str, object] | Description | str | Path) -> ConditionResult:
     """Reduce a raw accelerometer table to the record of one mode, as ``damping condition`` does.
 
@@ -261,7 +261,7 @@ def condition(frame: pd.DataFrame, description: Mapping[str, object] | Descripti
     return ConditionResult(named, named.source, steps=steps, doubts=list_doubts(raw, described, steps))
 
 
-@single_threaded
+@undisturbed
 def sweep(
     mode: Mode,
     *,

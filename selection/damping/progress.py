@@ -1,9 +1,10 @@
-"""Progress reports of long computations, and one thread of linear algebra while they run."""
+"""Progress reports of long computations, and what the caller has set that must not disturb them."""
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import wraps
 from inspect import signature
+from threading import Lock
 from typing import ParamSpec, Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
@@ -91,16 +92,40 @@ Parameters = ParamSpec("Parameters")
 Returned = TypeVar("Returned")
 
 
-def single_threaded(work: Callable[Parameters, Returned]) -> Callable[Parameters, Returned]:
-    """Limit the linear algebra to one thread while ``work`` runs, also where numpy was loaded before this library.
+def undisturbed(work: Callable[Parameters, Returned]) -> Callable[Parameters, Returned]:
+    """Run ``work`` with one thread of linear algebra and numpy's usual handling of overflows, whatever the caller set.
 
     The matrices are small: threads cost more than they save, and sums in another order would make results depend on
-    the number of cores.
+    the number of cores. Weights that are too small for a number are 0, where the caller has ``np.seterr(all="raise")``
+    too.
     """
 
     @wraps(work)
     def worked(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Returned:
-        with threadpool_limits(limits=1):
+        import numpy as np  # noqa: PLC0415 - commands that compute nothing load no numpy
+
+        with _one_thread(), np.errstate(divide="warn", over="warn", under="ignore", invalid="warn"):
             return work(*args, **kwargs)
 
     return worked
+
+
+_LOCK = Lock()
+_LIMITS: list[threadpool_limits] = []  # the limit in force, once for each call that runs
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """One thread of linear algebra in this process: the first of simultaneous calls sets the limit, the last lifts it.
+
+    A limit of each call would outlast them all: the second would restore that of the first.
+    """
+    with _LOCK:
+        _LIMITS.append(_LIMITS[0] if _LIMITS else threadpool_limits(limits=1))
+    try:
+        yield
+    finally:
+        with _LOCK:
+            limits = _LIMITS.pop()
+            if not _LIMITS:
+                limits.restore_original_limits()

@@ -13,7 +13,7 @@ from damping.infer.chains import Posterior
 from damping.infer.checks import inference_data
 from damping.infer.law import Law
 from damping.infer.observations import Observations
-from damping.progress import single_threaded
+from damping.progress import undisturbed
 from damping.ranking import Candidate
 from damping.ranking.candidates import INTERVAL
 from damping.records.summary import Summarised
@@ -72,7 +72,7 @@ class RankedLaw(Summarised):
         """The law."""
         return self.candidate.law
 
-    @single_threaded
+    @undisturbed
     def sample(self, seed: int = 1) -> LawSample:
         """Markov chains of the law's posterior, run until every parameter has converged.
 

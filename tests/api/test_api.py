@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import replace
+from threading import Event, Thread
 
 import matplotlib
 import numpy as np
@@ -20,6 +21,7 @@ from threadpoolctl import threadpool_info
 import damping as dp
 from damping import api, ranking
 from damping.infer.importance import LEAST_DRAWS
+from damping.progress import undisturbed
 from damping.records.record import record_to_csv
 from damping_reed1970 import data_folder
 
@@ -87,6 +89,50 @@ def test_one_thread_also_where_numpy_was_there_before(record, monkeypatch):
         dp.rank(record)
     assert threads
     assert set(threads) == {1}
+
+
+def test_calls_at_once_leave_the_threads_as_they_were(monkeypatch):
+    """The first ends before the second, which restored the limit that it had found: that of the first."""
+    pool = [2]  # threads of the process
+
+    class Limits:
+        def __init__(self, limits: int) -> None:
+            self.found, pool[0] = pool[0], limits
+
+        def restore_original_limits(self) -> None:
+            pool[0] = self.found
+
+        def __enter__(self) -> None:
+            pass
+
+        def __exit__(self, *_: object) -> None:
+            self.restore_original_limits()
+
+    monkeypatch.setattr("damping.progress.threadpool_limits", Limits)
+    begun, second_begun, ended = Event(), Event(), Event()
+    first = Thread(target=undisturbed(lambda: (begun.set(), second_begun.wait(9))))
+    second = Thread(target=undisturbed(lambda: (second_begun.set(), ended.wait(9))))
+    first.start()
+    assert begun.wait(9)
+    second.start()
+    first.join()
+    assert pool == [1]
+    ended.set()
+    second.join()
+    assert pool == [2]
+
+
+def test_small_numbers_are_zero_whatever_numpy_is_told(record, mode, few_laws):
+    """Weights that no number holds were errors of floating point, also of what is computed when it is asked for."""
+
+    def ask() -> list[dict]:
+        results = (dp.rank(record, mode), dp.extrapolate(record, mode, [60.0]), dp.diagnose(record, mode))
+        return [result.to_json() for result in results]
+
+    expected = ask()
+    with np.errstate(all="raise"):
+        assert ask() == expected
+        assert np.geterr()["under"] == "raise"
 
 
 @pytest.mark.usefixtures("few_laws")

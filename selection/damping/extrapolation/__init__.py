@@ -39,7 +39,7 @@ from damping.infer.importance import LEAST_DRAWS, draw_again
 from damping.infer.law import Law
 from damping.infer.observations import Observations
 from damping.infer.proposal import MOST_FITTED, Proposal
-from damping.progress import Progress, silent
+from damping.progress import Progress, silent, undisturbed
 from damping.ranking import Candidate, Ranking
 from damping.ranking.candidates import resonant_laws
 from damping.records.mode import Mode
@@ -85,6 +85,7 @@ class Extrapolation:
     readings: tuple[NextReading, ...]  #: of each member, at any force
     draws: tuple[Draws, ...]  #: of each member at the requested forces
 
+    @undisturbed
     def predict_at(self, forces: np.ndarray, *, each: bool = False, to_invert: bool = False) -> Loads:
         """Predictions at other forces (forces,) from the same draws; ``each``, ``to_invert``: see `predict`."""
         known = self.plan.data, self.loads.level, self.seed, self.plan
@@ -102,6 +103,7 @@ class Extrapolation:
         return self.predict_at(np.linspace(DRAWN_FROM * tested.min(), DRAWN_TO * high, points))
 
     @cached_property
+    @undisturbed
     def with_other_priors(self) -> pd.DataFrame:
         """The predictions with other priors (:func:`damping.extrapolation.draws.vary_priors`); NaN where refused."""
         table = vary_priors(self.members, self.draws, self.loads.force, self.loads.level)
@@ -110,6 +112,7 @@ class Extrapolation:
         return table
 
     @cached_property
+    @undisturbed
     def next_level(self) -> NextLevel | None:
         """The further level that would most shrink the band at the largest requested force.
 

@@ -36,7 +36,7 @@ from damping.gap.where import (
     residual_cells,
     trend_of,
 )
-from damping.progress import Progress, nothing, silent, unknown_length
+from damping.progress import Progress, nothing, silent, undisturbed, unknown_length
 from damping.records.mode import Mode, Units
 from damping.records.record import Record
 
@@ -103,6 +103,7 @@ class Diagnosis(Explained):
     frequency_trend: PowerTrend | None
 
     @cached_property
+    @undisturbed
     def next_tests(self) -> tuple[NextTest, ...]:
         """Candidate tests, the most discriminating first; none where none is needed."""
         command = name_command([(self.record, self.mode), *self.states], self.simulate)
