@@ -17,7 +17,7 @@ from damping.extrapolation.curve import Curve, list_drawn_amplitudes, predict_fo
 from damping.extrapolation.prediction import Loads
 from damping.extrapolation.prepared import PreparedRecord
 from damping.ranked_law import RankedLaw
-from damping.ranking import Ranking
+from damping.ranking import Candidate, Ranking
 from damping.records.mode import Mode
 from damping.records.summary import MOST_SHOWN
 from damping.records.text import AGREED, Disagreement
@@ -44,12 +44,19 @@ class RankingResult(Result):
 
     def __getitem__(self, law: str) -> RankedLaw:
         """The law by its text in the column ``law``, or that of an equivalent law; its forces may be in any order."""
-        asked = set(str(law).split(" + "))
-        for candidate in self.ranking.candidates:
-            if asked in [set(name.split(" + ")) for name in (candidate.name, *candidate.equivalents)]:
-                return RankedLaw(candidate, self.ranking.data)
+        if candidate := self._find(law):
+            return RankedLaw(candidate, self.ranking.data)
         nearest = describe_nearest(str(law), [candidate.name for candidate in self.ranking.candidates])
         raise InputError(f"no law {law!r}", expected=f"{nearest} or another of the column law")
+
+    def __contains__(self, law: object) -> bool:
+        """Whether there is a law of this text, as in ``ranking[law]``."""
+        return self._find(law) is not None
+
+    def _find(self, law: object) -> Candidate | None:
+        asked = set(str(law).split(" + "))
+        named = ((own, (own.name, *own.equivalents)) for own in self.ranking.candidates)
+        return next((own for own, names in named if asked in [set(name.split(" + ")) for name in names]), None)
 
     def __iter__(self) -> Iterator[RankedLaw]:
         return (RankedLaw(candidate, self.ranking.data) for candidate in self.ranking.candidates)
