@@ -106,9 +106,13 @@ class RankingResult(Result):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Cautions about the ranking, and how many candidates are not shown."""
+        """Findings of the audit, cautions about the ranking, and how many candidates are not shown."""
         hidden = len(self) - MOST_SHOWN
-        return (*self.cautions, *([f"{hidden} further candidates in .table"] if hidden > 0 else []))
+        return (
+            *map(str, self.prepared.findings.findings),
+            *self.cautions,
+            *([f"{hidden} further candidates in .table"] if hidden > 0 else []),
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -200,8 +204,9 @@ class LoadsResult(PredictedResult):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Cautions, each once."""
-        return tuple(dict.fromkeys([*self.cautions, *(c for caution in self.loads.cautions for c in caution)]))
+        """Findings of the audit and cautions, each once."""
+        found = map(str, self.prepared.findings.findings)
+        return tuple(dict.fromkeys([*found, *self.cautions, *(c for caution in self.loads.cautions for c in caution)]))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -246,6 +251,7 @@ class CurveResult(PredictedResult):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Cautions, each once; those on rows beyond the test are left to the column ``tested``."""
+        """Findings and cautions, each once; those on rows beyond the test are left to the column ``tested``."""
+        found = map(str, self.prepared.findings.findings)
         of_rows = (c for caution in self.curve.cautions for c in caution if not c.startswith(BEYOND_TEST))
-        return tuple(dict.fromkeys([*self.cautions, *of_rows]))
+        return tuple(dict.fromkeys([*found, *self.cautions, *of_rows]))

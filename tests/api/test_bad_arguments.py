@@ -338,6 +338,15 @@ def test_what_a_simulator_masks_is_no_answer(kind):
         simulator.answer(np.array([1.0, 2.0]), np.array([24.0, 25.0]), {})
 
 
+def test_a_column_of_decays_without_a_label_tells_of_no_decay(tmp_path):
+    """An empty column of a form made levels those of the amplitude, and silenced the checks of forces."""
+    for labels in (None, "", " ", float("nan"), pd.NA, pd.Categorical([None] * 5)):
+        assert not dp.Record(TABLE.assign(decay=labels)).is_decay
+    TABLE.assign(decay="").to_csv(file := tmp_path / "record.csv", index=False)
+    assert not dp.read_record(file).is_decay
+    assert dp.Record(TABLE.assign(decay=[None, *"abcd"])).is_decay
+
+
 def test_a_time_of_day_is_told_what_is_expected(tmp_path):
     stamped = TABLE.assign(time=[f"10:00:{k:02d}.000" for k in range(5)])
     stamped.to_csv(file := tmp_path / "record.csv", index=False)

@@ -93,6 +93,18 @@ def test_objects_are_shown_in_a_few_lines(record, mode):
     assert len(repr(many).splitlines()) < 20
 
 
+@pytest.mark.usefixtures("few_laws")
+def test_a_notebook_shows_what_the_audit_finds(record, mode):
+    """A record in other units than its mode was ranked and predicted without a word, unless the form was asked for."""
+    heavy = dataclasses.replace(mode, mass=1e3 * mode.mass, damping={})
+    given = dp.Record(record.table.drop(columns="mass")), heavy
+    (finding,) = map(str, dp.check(*given).findings)
+    assert "damping ratio" in finding
+    for result in (dp.rank(*given), dp.extrapolate(*given, [60.0]), dp.curve(*given, [1.0])):
+        assert result.remarks[0] == finding
+        assert repr(result).count(finding) == 1
+
+
 @pytest.mark.sampling
 @pytest.mark.usefixtures("few_laws")
 def test_a_law_and_its_sample_are_shown_in_a_few_lines(record):

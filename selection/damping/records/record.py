@@ -98,8 +98,8 @@ class Record(Summarised):
 
     @property
     def is_decay(self) -> bool:
-        """Whether rows are from free decays: a column ``decay``, or one-row sweeps whose amplitude falls with time."""
-        if "decay" in self.frame.columns:
+        """Whether rows are from free decays: labels in ``decay``, or one-row sweeps whose amplitude falls with time."""
+        if "decay" in self._rows and _are_labels(self._rows["decay"]).any():
             return True
         if "time" not in self.frame.columns or len(self.sweeps) != len(self) or len(self) < 2:
             return False
@@ -203,6 +203,10 @@ def _name_row(index: pd.Index, row: int) -> str:
     return f"row {row}" if label == str(row) else f"row {row} (labelled {describe_shortened(label)})"
 
 
+def _are_labels(cells: pd.Series) -> np.ndarray:
+    return (cells.notna() & (cells.astype(str).str.strip() != "")).to_numpy(dtype=bool)
+
+
 def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
     """A checked copy with labels as text and numbers as floats, rows numbered from 0."""
     file = source or None
@@ -218,9 +222,7 @@ def _tabulate_typed(table: pd.DataFrame, source: str) -> pd.DataFrame:
     for name in filter(typed.columns.__contains__, (*keys.REQUIRED_COLUMNS, *keys.OPTIONAL_COLUMNS)):
         cells = typed[name]
         if name in keys.TEXT_COLUMNS:
-            texts, expected = cells.astype(str), "text"
-            typed[name] = texts.astype(object)
-            good = (cells.notna() & (texts.str.strip() != "")).to_numpy(dtype=bool)
+            typed[name], good, expected = cells.astype(str).astype(object), _are_labels(cells), "text"
         else:
             typed[name], expected = read_numbers(cells, name, file), keys.IN_TEXT.get(name, keys.A_NUMBER)
             may_be_blank = cells.isna().to_numpy(dtype=bool) & (name in keys.BLANK_COLUMNS)
@@ -247,10 +249,9 @@ def read_numbers(cells: pd.Series, name: str, file: str | None, also: str = "") 
         raise InputError(f"holds {kind} values", file=file, column=name, expected=keys.NO_NUMBERS[kind])
     try:
         return np.asarray(pd.to_numeric(cells, errors="coerce").astype(np.float64))
-    except OverflowError:
-        raise InputError("a number too large", file=file, column=name, expected=keys.A_NUMBER) from None
-    except TypeError:  # masked, or with a unit
-        raise InputError("holds values that are no numbers", file=file, column=name, expected=keys.A_NUMBER) from None
+    except (OverflowError, TypeError) as error:  # TypeError: masked, or with a unit
+        what = "a number too large" if isinstance(error, OverflowError) else "holds values that are no numbers"
+        raise InputError(what, file=file, column=name, expected=keys.A_NUMBER) from None
 
 
 def energy_per_cycle(record: Record) -> FloatArray:
