@@ -18,7 +18,9 @@ from damping_pipelines.cli import app as cli
 
 project = "Damping models from vibration tests"
 author = "the authors of damping-selection"
-extensions = ["myst_parser"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+autodoc_preserve_defaults = True  # progress=silent, not where that function lies in memory
+autodoc_typehints = "none"  # names of other modules; what an argument is, the texts say
 myst_enable_extensions = ["deflist"]
 myst_heading_anchors = 3
 smartquotes = False  # q' is the derivative of q
