@@ -78,7 +78,8 @@ MISTAKES = [
     ("compare" + FLAG, lambda: dp.diagnose(RECORD, MODE, compare="no")),
     *((r"no list of (force|amplitude)s; expected an? ", lambda ask=ask, name=name: ask(RECORD, MODE, **{name: UNLIKE}))
       for ask in (dp.extrapolate, dp.curve) for name in ("forces", "amplitudes")),
-    (r"force 2026-01-01.*; expected a force amplitude > 0", lambda: dp.extrapolate(RECORD, MODE, DATES)),
+    (r"level array\(0.9\); expected a probability", lambda: dp.curve(RECORD, MODE, level=np.array(0.9))),
+    (r"force np.datetime64\('2026-01-01.*; expected a force", lambda: dp.extrapolate(RECORD, MODE, DATES)),
     ("column mass: is a datetime64; expected a number > 0", lambda: made(mass=DATES[0])),
     ("structure" + FLAG, lambda: swept(structure="no")),
     ("force -2", lambda: swept(force=-2.0)),

@@ -49,5 +49,5 @@ def _check_level(level: float) -> None:
 
 
 def _quote(value: object) -> str:
-    """The value in a message; a text in quotes, since "5" is no number."""
-    return repr(value) if isinstance(value, str) else f"{value}"
+    """The value in a message; what is no number as it is written, as "5" in quotes."""
+    return f"{value}" if is_number(value) else repr(value)
