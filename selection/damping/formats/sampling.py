@@ -55,7 +55,7 @@ def find_rows(span: tuple[float, float], start: float, step: float, n: float) ->
     return (max(floor(first) - 1, 0), ceil(min(last + 2.0, n))) if last - first >= 2.0 else (0, int(n))
 
 
-def list_times(name: str, number: float, n: int, first: int = 0) -> FloatArray:
+def list_times(name: str, number: float, n: int, first: int) -> FloatArray:
     """Times (n,) from that of sample ``first``, in s, from a rate in Hz or a step in s; that of sample 0 is 0.
 
     InputError: a number that is not > 0.

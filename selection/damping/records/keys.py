@@ -237,7 +237,7 @@ _EXPECTED = {
 _LIMIT = "Input should be "  #: beginning of pydantic's message on a number beyond a limit
 
 
-def read_schema(table: TomlTable, schema: type[Schema], written: Mapping[str, str] | None = None) -> Schema:
+def read_schema(table: TomlTable, schema: type[Schema], written: Mapping[str, str]) -> Schema:
     """A whole TOML file checked by a schema; ``written``: notation of keys with several values, by key.
 
     InputError: line and key of the first problem, and what was expected.
@@ -251,7 +251,7 @@ def read_schema(table: TomlTable, schema: type[Schema], written: Mapping[str, st
         problem = min(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
     loc, kind = problem["loc"], problem["type"]
     key, message = str(loc[-1]), problem["msg"].removeprefix("Value error, ")
-    expected = (written or {}).get(key)
+    expected = written.get(key)
     if kind == "extra_forbidden":
         message, expected = "unknown key", list_nearest(key, _find_schema(schema, loc[:-1]).model_fields)
     elif kind == "missing":
