@@ -118,8 +118,11 @@ def test_a_law_far_below_the_floor_is_left_after_its_first_draws():
         return -0.5 * np.sum(((x - 40.0) / 0.1) ** 2, axis=1)
 
     left = importance(log_density, np.zeros(2), np.eye(2), floor=0.0)
-    assert len(asked) == 1 and left.effective_draws < LEAST_JUDGED
-    assert left.highest < -HOPELESS and left.falls_below(0.0) and not left.falls_below(left.highest)
+    assert len(asked) == 1
+    assert left.effective_draws < LEAST_JUDGED
+    assert left.highest < -HOPELESS
+    assert left.falls_below(0.0)
+    assert not left.falls_below(left.highest)
     assert len(np.unique(left.draws, axis=0)) > LEAST_JUDGED
 
 
