@@ -1,13 +1,15 @@
-"""Files that tests write."""
+"""Files that tests write, and what reading one comes to."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import h5py
 import pandas as pd
+
+from damping.errors import InputError
 
 
 def write_csv(path: Path, columns: Mapping[str, Any] | pd.DataFrame, **options: Any) -> Path:
@@ -33,3 +35,11 @@ def fill(group: h5py.Group, contents: Mapping[str, Any]) -> None:
             group[name].attrs["units"] = values[1]
         else:
             group[name] = values
+
+
+def outcome(read: Callable[[Path], Any], path: Path) -> tuple[Any, InputError | None]:
+    """What reading gives and the InputError it raised, one of them None; any other exception is a failure."""
+    try:
+        return read(path), None
+    except InputError as error:
+        return None, error

@@ -77,7 +77,7 @@ class Point:
     at_force: bool = False  #: whether the ratios are those at the force, else at the amplitude
 
 
-def export_deck(source: Path, out: Path, code: str, record: str | None = None) -> None:
+def export_deck(source: Path, out: Path, code: str, record: str | None) -> None:
     """Write for a structural code the damping of a form or folder (:func:`damping_pipelines.folders.read_damping`).
 
     The code is one of ``COMMENTS``, the text in ``decks.txt``. InputError: an unknown code, or a file that is no such

@@ -27,7 +27,7 @@ def list_files(source: Path) -> list[Path]:
     return [source / name for name in open_folder(source).manifest.outputs]
 
 
-def read_damping(source: Path, record: str | None = None) -> tuple[Damped, bytes]:
+def read_damping(source: Path, record: str | None) -> tuple[Damped, bytes]:
     """The form that holds damping ratios, and the text it is from: a file, or the folder of a campaign or a study.
 
     ``record`` names one of a study, and is needed where it has several. InputError: no such file, folder or record, or

@@ -181,7 +181,7 @@ def import_simulator(name: str) -> Simulate:
 
 
 def diagnose_folder(
-    cases: Path, out: Path, jobs: int | None = None, max_size: int = DEFAULT_MAX_SIZE, despite: Collection[str] = ()
+    cases: Path, out: Path, jobs: int | None, max_size: int = DEFAULT_MAX_SIZE, despite: Collection[str] = ()
 ) -> int:
     """Diagnose ``NAME/model.toml`` with ``NAME/data.csv`` of every NAME in ``cases`` into ``out/NAME.json``.
 

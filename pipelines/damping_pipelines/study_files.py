@@ -102,9 +102,7 @@ def read_settings(path: Path) -> StudySettings:
     return read_schema(read_toml(path), StudySettings, {"records": "[[records]], one for each record"})
 
 
-def write_study(
-    study: StudyResult, out: Path, read: Iterable[Path] = (), *, png: bool = False, pdf: bool = False
-) -> None:
+def write_study(study: StudyResult, out: Path, read: Iterable[Path], *, png: bool, pdf: bool) -> None:
     """Write ``report.html``, exhibits' pages, ``summary.json``, ``*.csv``, figures, ``posterior/*.nc``, the manifest.
 
     Everything is rendered before the first file is written; ``read``: inputs, never overwritten; ``png``: figures as

@@ -208,7 +208,7 @@ _SIMULATIONS = 4000  #: simulated ECDFs that a band is widened to hold
 
 
 @lru_cache(maxsize=8)
-def ecdf_band(n: int, level: float = 0.99) -> tuple[FloatArray, FloatArray]:
+def ecdf_band(n: int, level: float) -> tuple[FloatArray, FloatArray]:
     """Simultaneous band of the ECDF of ``n`` uniform ranks 0..RANKED, at k/(RANKED + 1), k = 1..RANKED.
 
     Pointwise binomial intervals, widened until a share ``level`` of simulated ECDFs lies inside throughout
@@ -227,7 +227,7 @@ def ecdf(ranks: FloatArray) -> FloatArray:
     return np.array([np.mean(ranks < k) for k in range(1, RANKED + 1)])
 
 
-def is_uniform(ranks: FloatArray, level: float = 0.99) -> bool:
+def is_uniform(ranks: FloatArray, level: float) -> bool:
     """Whether the ECDF of ranks stays inside its simultaneous band."""
     low, high = ecdf_band(len(ranks), level)
     shares = ecdf(ranks)

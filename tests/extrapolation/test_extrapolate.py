@@ -99,7 +99,7 @@ def test_a_refusal_has_null_values_and_a_caution(tmp_path, mode, damping, few_la
 
 
 @pytest.mark.sampling
-def test_the_form_shows_parts_exponents_and_other_priors(tmp_path, mode, damping, few_draws):
+def test_the_form_shows_parts_exponents_and_other_priors(mode, damping, few_draws):
     record = data_folder() / "saturn-v" / "records" / "config-2-mode-1.csv"
     run = damping("extrapolate", record, "--mode", mode, "--force", 90, "--json", "-")
     assert run.code == 0

@@ -25,7 +25,7 @@ CLOSE = 1e-5  # six printed digits
 FORCES = (0.5, 1.2, 2.6)
 
 
-def close(record, truth, forces=FORCES, **tolerance):
+def close(record, truth, forces=FORCES):
     """The record holds the mode at each force, one sweep each."""
     assert len(record.sweeps) == len(forces)
     for sweep, force in zip(record.sweeps, forces, strict=True):

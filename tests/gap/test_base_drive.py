@@ -242,7 +242,7 @@ def test_local_estimates_are_of_the_mass_that_the_base_shakes(mode, heavier):
     np.testing.assert_allclose([one.frequency for one in local], F_N, rtol=1e-3, atol=0.0)
 
 
-def test_the_participation_is_one_of_all_sweeps(mode):
+def test_the_participation_is_one_of_all_sweeps():
     """p of bare sweeps; of sweeps with an added mass alone from (m + m_a)/(p m + m_a)."""
     bare, loaded = shaken((0.05, 0.2)), shaken((0.1, 0.2), added=ADDED, seed=4)
     for asked in ([(bare, MASS, 0.0), (loaded, MASS, 0.0)], [(loaded, MASS, 0.0)]):

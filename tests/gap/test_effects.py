@@ -84,7 +84,7 @@ def alone(name, record, mode):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_an_effect_is_fitted_by_its_own_form_far_below_the_noise(lab, fitted, name):
+def test_an_effect_is_fitted_by_its_own_form_far_below_the_noise(fitted, name):
     null, own = fitted[name][frozenset()].best, fitted[name][frozenset({name})].best
     assert np.sqrt(np.mean(own.r**2)) < LEFT.get(name, EXACT)
     # the gap is there without it; a wrong gain of 10 sigma is the one that the free mass takes in for the most part
@@ -192,7 +192,7 @@ def test_a_model_file_takes_whatever_a_fit_may_say(name, sweeps):
                 assert max(bound.least, np.nextafter(bound.above, np.inf)) <= value < bound.below, key
 
 
-def test_wrong_parameters_of_the_simulation(lab, fitted):
+def test_wrong_parameters_of_the_simulation(fitted):
     own = fitted["viscous-coefficient"][frozenset({"viscous-coefficient"})].best
     # drawn 3 + 5 tolerances of 5 % too high, and 3 + 2 of 0.1 % too low; uncertainty at 1 % noise 0.2 % and 1e-5
     np.testing.assert_allclose(effect_values(own)["viscous-coefficient"]["relative"], 0.4, rtol=0.0, atol=5e-4)

@@ -14,6 +14,7 @@ from damping.forces import CATALOGUE, list_parameter_names
 from damping.predict import in_unit
 from damping.records.keys import MAX_TOML_SIZE
 from damping.records.mode import Mode, Repeatability, Tolerance, Units, describe_mode_to_toml, read_mode
+from tests.files import outcome
 
 MODE = '[mode]\nname = "first"\nfrequency = 2.5 # Hz\nmass = 3\n'
 FORCES = ", ".join(CATALOGUE)
@@ -274,14 +275,6 @@ MODES = st.builds(
 def test_any_mode_is_read_back_as_it_was_written(mode, scratch):
     path = scratch(describe_mode_to_toml(mode), "mode.toml")
     assert read_mode(path) == replace(mode, source=str(path))
-
-
-def outcome(read, path):
-    """What reading gives and the InputError it raised, one of them None; any other exception is a failure."""
-    try:
-        return read(path), None
-    except InputError as error:
-        return None, error
 
 
 WORDS = st.sampled_from([*'[]=\n.1"{},é\0', "-1", "nan", "'''", "mode", "mass", "frequency", "damping", "slip"])

@@ -12,6 +12,7 @@ from damping.errors import InputError
 from damping.records.keys import REQUIRED_COLUMNS
 from damping.records.reading import DEFAULT_MAX_SIZE, read_record, read_table
 from damping.records.record import Record
+from tests.files import outcome
 
 HEAD = "sweep,force,frequency,amplitude,phase\n"
 ROW = "A,1,10,0.5,1.5\n"
@@ -222,14 +223,6 @@ def test_a_table_has_numbers_where_all_cells_are(scratch):
     with pytest.raises(InputError, match=r"line 1: missing column labels \(is 'label' meant\?\)"):
         read_table(path, required=["labels"])
     assert read_table(scratch("y\n1\n\n2\n1\n"), required=["y"])["y"].tolist() == [1.0, 2.0, 1.0]
-
-
-def outcome(read, path):
-    """What reading gives and the InputError it raised, one of them None; any other exception is a failure."""
-    try:
-        return read(path), None
-    except InputError as error:
-        return None, error
 
 
 CELLS = st.sampled_from(

@@ -145,7 +145,7 @@ def test_power_laws_against_polyfit_and_gamma(tables: dict[str, pd.DataFrame]) -
     np.testing.assert_allclose([second["p"], second["p_std_error"]], [1.3492, 0.0071], rtol=0.0, atol=5e-5)  # E4I-1
 
 
-def test_the_example_of_67_per_cent(tables: dict[str, pd.DataFrame], rankings: dict[str, Ranking]) -> None:
+def test_the_example_of_67_per_cent(tables: dict[str, pd.DataFrame]) -> None:
     table = tables["section_4_3_example"].set_index("quantity")
     # proof of E43-5, to its digits
     assert table.loc["power law amplitude, p refitted", "recomputed"] == pytest.approx(3.119, abs=5e-4)

@@ -75,11 +75,6 @@ def find(parts: list[ReportPart], name: str) -> ReportPart:
     return next(part for part in parts if part.section.id == name)
 
 
-def test_sections_are_the_chapters(parts: list[ReportPart]) -> None:
-    expected = [*(f"chapter-{n}" for n in range(2, 7)), "gaps", "reproduction", "errata"]
-    assert [part.section.id for part in parts] == expected
-
-
 def test_every_figure_of_the_report_is_shown_once(parts: list[ReportPart]) -> None:
     captions = [b.caption for part in parts for b in inside(part.section.blocks) if isinstance(b, FigureBlock)]
     numbered = [re.match(r"Figs?\. ([\d., and]+?) (?:redrawn|counterpart):", caption) for caption in captions]

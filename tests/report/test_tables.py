@@ -170,7 +170,7 @@ def test_fitted_curve_of_a_hardening_mode_goes_through_its_rows(swept) -> None:
         assert apart.min(axis=1).max() < 1.0
 
 
-def test_fitted_curve_reaches_its_resonance_where_no_row_is(swept) -> None:
+def test_fitted_curve_reaches_its_resonance_where_no_row_is() -> None:
     """Viscous damping: the largest amplitude is F/(c omega_n), at f_n, though the largest row lies beside it."""
     force, c, mass = 0.4, 0.5, 0.5
     f_n = 2.0 / RAD_S_PER_HZ

@@ -5,9 +5,8 @@ import hashlib
 import io
 import json
 import os
-import tempfile
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +18,8 @@ from damping import __version__
 from damping.arrays import plain
 from damping.errors import InputError, escape_control
 from damping.plots import identifier
-from damping.records.mode import Mode, read_mode
-from damping.records.reading import read_record
+from damping.records.mode import Mode, parse_mode
+from damping.records.reading import parse_record
 from damping.records.record import Record
 from damping.records.text import read_bytes
 from damping_pipelines.manifest import digest, digest_code
@@ -184,25 +183,10 @@ def _content(path: Path, name: str, max_size: int) -> tuple[bytes | None, str]:
         return None, f"{name}: {error.message}"
 
 
-#: Stem of the model file while it is read; a mode without a name gets that of the record instead.
-_UNNAMED = "mode-without-a-name"
-
-
 def read_files(task: FleetTask) -> tuple[Record, Mode]:
     """Record and mode of a task; messages use the user's names of the files."""
-    names = dict(zip(("record.csv", f"{_UNNAMED}.toml"), task.inputs, strict=True))
-    with tempfile.TemporaryDirectory(prefix="damping-fleet-") as folder:
-        paths = [Path(folder, name) for name in names]
-        for path, content in zip(paths, (task.record_text, task.model_text), strict=True):
-            with path.open("wb") as stream:
-                stream.write(content or b"")
-        try:
-            record, mode = read_record(paths[0]), read_mode(paths[1])
-        except InputError as error:
-            raise (error.in_file(names[Path(error.file).name]) if error.file else error) from error
-    first, second = names.values()
-    name = task.name if mode.name == _UNNAMED else mode.name
-    return Record.trusted(record.frame, first), replace(mode, source=second, name=name)
+    record, model = task.files
+    return parse_record(task.record_text or b"", record), parse_mode(task.model_text or b"", model, task.name)
 
 
 _TYPES = {

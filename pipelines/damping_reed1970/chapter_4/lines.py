@@ -63,7 +63,7 @@ def tabulate_power_laws() -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def section_4_3_example(ranking: Ranking, predicted: Loads | None = None) -> pd.DataFrame:
+def section_4_3_example(ranking: Ranking, predicted: Loads | None) -> pd.DataFrame:
     """The extrapolation of the first mode to 90 lb: printed, recomputed, and from all laws by weight.
 
     Linear amplitudes are proportional to the force; ``error`` is by how many per cent linear from sweep C overpredicts.

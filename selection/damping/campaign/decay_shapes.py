@@ -35,7 +35,7 @@ def find_loudest(motions: Sequence[Motion]) -> Motion:
 
 
 def find_shapes(
-    motions: Sequence[Motion], frequencies: Sequence[float] = ()
+    motions: Sequence[Motion], frequencies: Sequence[float]
 ) -> tuple[list[float], list[Shape], dict[float, str]]:
     """Frequencies (Hz), as stated or the peaks of the smallest decay, their shapes, and why further peaks are unused.
 

@@ -77,7 +77,7 @@ def check_drives(runs: Sequence[CampaignRun], trusted: Collection[str]) -> None:
     refuse_exchanged([find_exchanged(run.drive, of) for run, of in pairs if run.drive is not None])
 
 
-def find_misread(levels: Sequence[Level], trusted: Collection[str] = ()) -> dict[str, str]:
+def find_misread(levels: Sequence[Level], trusted: Collection[str]) -> dict[str, str]:
     """Sensors with a wrong unit or gain by their reading of the base, with reasons.
 
     A sensor that reads ten times too much outweighs all others in the fit: modes must be fitted again without it.

@@ -161,7 +161,7 @@ def completed(shapes: Iterable[Shape], table: Mapping[str, float], owner: str) -
 
 
 def rescale(
-    shapes: Iterable[Shape], table: Mapping[str, float], owner: str, force: float, length: float = 1.0
+    shapes: Iterable[Shape], table: Mapping[str, float], owner: str, force: float, length: float
 ) -> dict[str, float]:
     """The parameters of ``table`` in new units, of which ``force`` make an old unit of force and ``length`` of length.
 

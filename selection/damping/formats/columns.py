@@ -45,9 +45,12 @@ def _find_layout(lines: Sequence[str], delimiter: str, decimal: str) -> Layout |
     content = [(k, line.strip(" \r\n")) for k, line in enumerate(lines[:_LOOKED_AT]) if line.strip()]
     data = [(k, line) for k, line in content if not line.lstrip().startswith(_COMMENTS)]
     mark = delimiter if delimiter != "auto" else _describe_delimiter([line for _, line in data or content])
-    point = decimal if decimal != "auto" else _describe_decimal([line for _, line in data[1:]], mark)
     if not content:
         return None
+    point = decimal
+    if decimal == "auto":  # of numbers between commas it is a point
+        few = [line for _, line in data[1:21]] if mark != "comma" else []
+        point = find_decimal({cell.strip() for line in few for cell in _list_cells(line, mark)})
     text = content[0][1]
     plain = not text.startswith(_COMMENTS)  # then the first line is the header, or text above it
     if not data or (plain and not _numeric(_list_cells(text, mark), point)):
@@ -111,13 +114,6 @@ def _describe_delimiter(lines: Sequence[str]) -> str:
         if even and (name != "comma" or DELIMITERS["semicolon"] not in lines[0]):
             return name
     return next((name for name in ("semicolon", "tab") if lines and DELIMITERS[name] in lines[0]), "comma")
-
-
-def _describe_decimal(lines: Sequence[str], delimiter: str) -> str:
-    """The decimal mark of a table: ``point`` between commas."""
-    if delimiter == "comma":
-        return "point"
-    return find_decimal({cell.strip() for line in lines[:20] for cell in _list_cells(line, delimiter)})
 
 
 @dataclass(frozen=True)

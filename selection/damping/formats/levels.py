@@ -99,9 +99,7 @@ def split_levels(table: AnyTable) -> list[AnyTable]:
     ]
 
 
-def find_levels(
-    headers: Sequence[ColumnHeader], line: int | None = None
-) -> dict[tuple[float, str], dict[int, ColumnHeader]]:
+def find_levels(headers: Sequence[ColumnHeader], line: int | None) -> dict[tuple[float, str], dict[int, ColumnHeader]]:
     """Columns by place, with headers without the level, of each level that the names of columns hold.
 
     None unless two levels or more have the same columns, or if a drive of another kind has a column, as beside sensors

@@ -197,7 +197,7 @@ def find_factors_between(own: Units, to: Units) -> tuple[float, float] | None:
     return of_force, of_length
 
 
-def convert_record(record: Record, by: Factors, drive: str = "force") -> tuple[Record, list[str]]:
+def convert_record(record: Record, by: Factors, drive: str) -> tuple[Record, list[str]]:
     """The record in the new system, and notes on columns whose unit is not known.
 
     ``drive``: of its mode; with ``base`` the column ``force`` is an acceleration, and energies are per mass.
@@ -210,7 +210,7 @@ def convert_record(record: Record, by: Factors, drive: str = "force") -> tuple[R
     return Record(table, record.source), [f"column {name} is kept as it is: its unit is not known" for name in kept]
 
 
-def convert_loads(table: pd.DataFrame, by: Factors, asked: str = "force") -> pd.DataFrame:
+def convert_loads(table: pd.DataFrame, by: Factors, asked: str) -> pd.DataFrame:
     """Predictions (one row for each design value and law) in the new system.
 
     ``asked``: the given quantity, ``force`` or ``amplitude``; the other is predicted.

@@ -2,11 +2,11 @@
 
 1. the column stated for the role; if some are stated, `_find_further` says which other roles are looked for;
 2. the name of the role, unless `_find_own` tells that it means something else there;
-3. the rules `USUAL` on usual names and units, in their order, but for motions if 2 gives one.
+3. the rules `_USUAL` on usual names and units, in their order, but for motions if 2 gives one.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -31,27 +31,25 @@ class Roles:
 
     places: Places
     response: str | None  #: type of the response by its usual name, '' if that is a single letter
-    rules: dict[str, str]  #: what gave each role its column: ``stated``, ``the name of the role``, or one of `USUAL`
 
 
 def recognise(headers: Sequence[ColumnHeader]) -> Roles:
-    """Columns by role from the usual names in a table, by the rules `USUAL`.
+    """Columns by role from the usual names in a table, by the rules `_USUAL`.
 
     The type of the response is '' for a single letter: ``A`` may be an amplitude of any kind, ``v`` a voltage.
     """
-    names, places, rules = _name_columns(headers), Places(), dict[str, str]()
-    for rule, find in USUAL.items():
-        found = find(headers, names, places)
-        places |= found
-        rules |= dict.fromkeys(found, rule)
-    if "x" in places and "angle" in places:  # parts have no other phase
-        del places["angle"], rules["angle"]
+    names, places = _name_columns(headers), Places()
+    for find in _USUAL:
+        places |= find(headers, names, places)
+    if "x" in places:  # parts have no other phase
+        places.pop("angle", None)
     name = next((names[places[role]] for role in ("amplitude", "response") if role in places), None)
     response = None if name is None else (MOTIONS | _ROTATIONS).get(name, "") if len(name) > 1 else ""
-    return Roles(places, response, rules)
+    return Roles(places, response)
 
 
 def _find_named(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
+    """A usual name, without a unit or with one of its role."""
     places = Places()
     for place, (name, header) in enumerate(zip(names, headers, strict=True)):
         if role := next((role for role in _list_usual(name, header) if role not in places), ""):
@@ -60,23 +58,27 @@ def _find_named(headers: Sequence[ColumnHeader], names: Sequence[str], found: Pl
 
 
 def _find_load(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
+    """The only load or excitation in a unit of force, where no force is named."""
     loads = [k for k, name in enumerate(names) if name in NAMES["load"]["force"] and headers[k].unit]
     fitting = [k for k in loads if fits_role("force", headers[k])]
     return {"force": fitting[0]} if len(fitting) == 1 and "force" not in found else {}
 
 
 def _find_hertz(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
+    """The only column in Hz, where no name is that of an abscissa."""
     in_hertz = [k for k, header in enumerate(headers) if header.unit.lower() in ("hz", "khz")]
     return {"frequency": in_hertz[0]} if len(in_hertz) == 1 and ABSCISSA.isdisjoint(found) else {}
 
 
 def _find_motion(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
+    """The first motion: against time a response, else an amplitude."""
     free = [k for k, name in enumerate(names) if name in MOTIONS and k not in found.values()]
     fitting = [k for k in free if fits_role(MOTIONS[names[k]], headers[k])]
     return {"response" if _is_history(found) else "amplitude": fitting[0]} if fitting else {}
 
 
 def _find_phase(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
+    """The first phase, or the only angle of an amplitude; not against time."""
     angles = [k for k, name in enumerate(names) if name in NAMES["phase"]["angle"] and headers[k].angle]
     phases = list_phases(headers, _name_response(headers, found))
     phases = phases or (angles if "amplitude" in found and len(angles) == 1 else [])
@@ -86,12 +88,14 @@ def _find_phase(headers: Sequence[ColumnHeader], names: Sequence[str], found: Pl
 
 
 def _find_rotation(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
+    """The last rotation beside a moment, without another motion."""
     turning = [k for k, name in enumerate(names) if name in _ROTATIONS and find_powers(headers[k].unit) == (0, 0, 0)]
     of_moment = "force" in found and find_powers(headers[found["force"]].unit) == (1, 1, 0)
     return {"amplitude": turning[-1]} if turning and of_moment and not {"response", "amplitude"} & set(found) else {}
 
 
 def _find_parts(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
+    """The parts of a complex response: x and y without time, amplitude and z, or Re and Im of one name."""
     if _is_history(found) or "amplitude" in found:
         return {}
     if {"x", "y"} <= set(names):
@@ -108,6 +112,7 @@ def _find_parts(headers: Sequence[ColumnHeader], names: Sequence[str], found: Pl
 
 
 def _find_only_motion(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
+    """The only column in a unit of motion, beside an angle or in a ratio to force."""
     if ABSCISSA.isdisjoint(found) or _is_history(found) or "amplitude" in found:
         return {}
     free = [k for k in range(len(headers)) if k not in found.values() and names[k] not in OPTIONAL_COLUMNS]
@@ -119,16 +124,10 @@ def _find_only_motion(headers: Sequence[ColumnHeader], names: Sequence[str], fou
 
 
 #: Rules on headers and their names (`_name_columns`), in this order: each adds to the roles that those before it found.
-USUAL: dict[str, Callable[[Sequence[ColumnHeader], Sequence[str], Places], Places]] = {
-    "a usual name, without a unit or with one of its role": _find_named,
-    "the only load or excitation in a unit of force, where no force is named": _find_load,
-    "the only column in Hz, where no name is that of an abscissa": _find_hertz,
-    "the first motion: against time a response, else an amplitude": _find_motion,
-    "the only column in a unit of motion, beside an angle or in a ratio to force": _find_only_motion,
-    "the first phase, or the only angle of an amplitude; not against time": _find_phase,
-    "the last rotation beside a moment, without another motion": _find_rotation,
-    "x and y without time, amplitude and z, or Re and Im of one name: the parts of a complex response": _find_parts,
-}
+_USUAL = (
+    *(_find_named, _find_load, _find_hertz, _find_motion),
+    *(_find_only_motion, _find_phase, _find_rotation, _find_parts),
+)
 
 
 def _is_history(places: Iterable[str]) -> bool:
@@ -166,8 +165,7 @@ def find_roles(
         raise _no_role([header.text for header in headers], line)
     is_taken = not stated or {by_name.get("amplitude"), by_name.get("response")} & set(stated.values())
     response = usual.response if is_taken and not _MOTION & set(own) else None
-    rules = usual.rules | dict.fromkeys(own, "the name of the role") | dict.fromkeys(stated, "stated")
-    return Roles(stated | found, response, {role: rules[role] for role in [*stated, *found]})
+    return Roles(stated | found, response)
 
 
 def _find_own(headers: Sequence[ColumnHeader], known: Mapping[str, Iterable[str]], usual: Places) -> Places:

@@ -1,7 +1,9 @@
 """Names of arrays that state how another array was sampled: abscissas, rates, steps and increments, by nearness."""
 
 from collections.abc import Mapping, Sequence
+from itertools import takewhile
 from math import ceil, floor, prod
+from operator import eq
 from typing import TypeAlias
 
 import numpy as np
@@ -40,17 +42,11 @@ def find_nearest(names: Sequence[str], to: str) -> str | None:
 
     InputError: several equally near in different groups.
     """
-    shared = {name: _count_shared(split(name)[:-1], split(to)) for name in names}
+    shared = {name: sum(takewhile(bool, map(eq, split(name)[:-1], split(to)))) for name in names}
     near = [name for name in names if shared[name] == max(shared.values())]
     if len({tuple(split(name)[:-1]) for name in near}) > 1:
         raise InputError(f"several sampling rates: {', '.join(near[:4])}", expected="--rate HZ, or --column time=NAME")
     return near[0] if near else None
-
-
-def _count_shared(path: Sequence[str], other: Sequence[str]) -> int:
-    """Number of equal parts from the start."""
-    unlike = (k for k, (a, b) in enumerate(zip(path, other, strict=False)) if a != b)
-    return next(unlike, min(len(path), len(other)))
 
 
 def find_rows(span: tuple[float, float], start: float, step: float, n: float) -> tuple[int, int]:
@@ -59,7 +55,7 @@ def find_rows(span: tuple[float, float], start: float, step: float, n: float) ->
     return (max(floor(first) - 1, 0), ceil(min(last + 2.0, n))) if last - first >= 2.0 else (0, int(n))
 
 
-def list_times(name: str, number: float, n: int, first: int = 0) -> FloatArray:
+def list_times(name: str, number: float, n: int, first: int) -> FloatArray:
     """Times (n,) from that of sample ``first``, in s, from a rate in Hz or a step in s; that of sample 0 is 0.
 
     InputError: a number that is not > 0.

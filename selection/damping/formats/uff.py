@@ -33,9 +33,7 @@ _MOST_LISTED = 12
 _BROADBAND = re.compile(r"(?i)(?<![a-z])(random|noise|burst|chirp|impact|hammer|impulse|psd)(?![a-z])")
 
 
-def read_uff(
-    data: bytes, summary: Summary, datasets: tuple[int, ...] = (), labels: tuple[str, ...] = ()
-) -> list[Series]:
+def read_uff(data: bytes, summary: Summary, datasets: tuple[int, ...], labels: tuple[str, ...]) -> list[Series]:
     """The responses of a universal file, each with its measured force if the file has one.
 
     ``datasets``: numbers of the data sets 58 to take, from 1; empty: all that are responses or forces. ``labels``: of

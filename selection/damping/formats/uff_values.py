@@ -128,9 +128,7 @@ _ACCELERATION = 12  #: the same where a base is driven
 _ABSCISSA = "{:13.5E}"  #: of uneven spacing as text, which the format sets
 
 
-def write_uff(
-    record: Record, length: str, force: str, *, binary: bool, of_base: bool = False
-) -> tuple[bytes, list[str]]:
+def write_uff(record: Record, length: str, force: str, *, binary: bool, of_base: bool) -> tuple[bytes, list[str]]:
     """The universal file of a record, and notes on what it does not hold.
 
     Args:

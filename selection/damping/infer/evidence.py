@@ -25,11 +25,15 @@ STEP_PER_SD = 0.3  #: step of a difference quotient in standard deviations of th
 STEP_SHARES = np.array([1.0, 0.5, 0.2, 0.05, 0.01])  #: shares of a Newton step, tried at once
 MOST_STEPS = 20  #: most Newton steps
 STILL = 1e-2  #: gain of log density below which the mode is reached, accurate enough to start draws
+#: Least share of a component in the force where the search starts: the prior vanishes at 0. Rows of whole sweeps tell
+#: far smaller shares from none, and a search from .02 alone then stays hundreds below the mode in ln density.
+LEAST_SHARES = (0.02, 2e-4)
 START_BITS = 12  #: binary digits of the start of the search, so that rounding in other units does not move it
 STARTS = 512  #: prior points, the best of which starts a second search
 #: Standard normal variables of scatters and discrepancy at which the search from the best fit may start.
 SCORES = (-2.0, -1.0, 0.0, 1.0, 2.0, 3.0)
 APART = 1.0  #: distance, in joint standard deviations, from which two modes are distinct
+OUTWEIGHED = 30.0  #: ln density below the other mode from which one holds no share of the posterior that counts
 BARRIER = 1e8  #: finite value for an impossible law in the search
 
 LogDensity = Callable[[FloatArray], FloatArray]
@@ -68,33 +72,35 @@ brief_evidence = partial(evidence, wanted=BRIEF_DRAWS)
 
 
 def start_at(fit: BestFit, coordinates: Coordinates) -> FloatArray:
-    """The standard normal variables of a best fit (dimension,), the start of the search for the mode."""
+    """The standard normal variables of a best fit (n, dimension), starts of the search for the mode."""
     if not np.isfinite(fit.squares):
-        return np.zeros(coordinates.dimension)
+        return np.zeros((1, coordinates.dimension))
     scatter = float(np.sqrt(np.mean(fit.n**2)))
-    return round_bits(coordinates.find_variables(fit.coefficients, fit.point, scatter), START_BITS)
+    shares = LEAST_SHARES if coordinates.with_level_scatter else LEAST_SHARES[:1]
+    starts = [coordinates.find_variables(fit.coefficients, fit.point, scatter, least) for least in shares]
+    return round_bits(np.unique(starts, axis=0), START_BITS)
 
 
-def list_starts(posterior: Balanced, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Starts of the search for modes in balanced variables: from the best fit x ``start`` (d,), (n, d); prior, (m, d).
+def list_starts(posterior: Balanced, starts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Starts of the search for modes in balanced variables: of the best fit x ``starts`` (k, d), (n, d); prior, (m, d).
 
     The best fit is combined with every scatter and discrepancy of ``SCORES``, since either may explain its residuals.
     """
-    coordinates, z = posterior.coordinates, posterior.find_variables(start[None])[0]
-    vary = [i for i, name in enumerate(coordinates.names) if name in ("discrepancy", "scatter", "level_scatter")]
+    names, z = posterior.coordinates.names, posterior.find_variables(starts)
+    vary = [i for i, name in enumerate(names) if name in ("discrepancy", "scatter", "level_scatter")]
     scores = np.array(list(product(SCORES, repeat=len(vary))))
-    fitted = np.repeat(z[None], 1 + len(scores), axis=0)
-    fitted[1:, vary] = scores
-    anywhere = np.random.default_rng(0).standard_normal((STARTS, z.size))
-    fitted[1:, 0] = anywhere[:, 0] = 0.0  # a law that fits in the mean
-    return fitted, anywhere
+    fitted = np.repeat(z[:, None], 1 + len(scores), axis=1)
+    fitted[:, 1:, vary] = scores
+    anywhere = np.random.default_rng(0).standard_normal((STARTS, len(names)))
+    fitted[:, 1:, 0] = anywhere[:, 0] = 0.0  # a law that fits in the mean
+    return fitted.reshape(-1, len(names)), anywhere
 
 
 def find_modes(log_density: LogDensity, fitted: FloatArray, anywhere: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The modes reached from the best of points ``fitted`` (n, d) and of ``anywhere`` (m, d); a single one if equal.
+    """The modes reached from the best of points ``fitted`` (n, d) and of ``anywhere`` (m, d).
 
     A joint that slips fully below the test and one that does so within it are two modes: few draws around one reach the
-    other.
+    other. A single one if they are equal, or one is ``OUTWEIGHED``.
 
     Returns:
         The modes (k, d), and the inverse Hessians there (k, d, d), no wider than the prior.
@@ -112,10 +118,12 @@ def find_modes(log_density: LogDensity, fitted: FloatArray, anywhere: FloatArray
     if not starts:
         raise AnalysisError("no coefficient reproduces the measured forces")
     modes, covariances = descend(np.array(starts), negative)
-    difference = modes[-1] - modes[0]
-    if difference @ np.linalg.solve(covariances.sum(axis=0), difference) > APART**2:
+    values, difference = negative(modes), modes[-1] - modes[0]
+    apart = difference @ np.linalg.solve(covariances.sum(axis=0), difference) > APART**2
+    if apart and np.ptp(values) < OUTWEIGHED:
         return modes, covariances
-    return modes[:1], covariances[:1]
+    best = int(np.argmin(values)) if apart else 0
+    return modes[best : best + 1], covariances[best : best + 1]
 
 
 def descend(x: FloatArray, negative: LogDensity) -> tuple[FloatArray, FloatArray]:

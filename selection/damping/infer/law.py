@@ -37,8 +37,7 @@ SCATTER_MEDIAN = 0.011  #: prior median of a relative scatter
 #: Log standard deviation of that prior: 90 % lie between 0.3 % and 4 %, from stepped sine in a laboratory to repeat
 #: tests of large structures.
 SCATTER_LOG_SD = 0.8
-SHARE_RANGE = (0.02, 0.98)  #: of a component at the start of a search for the mode: the prior vanishes at 0 and 1
-LARGEST_SCORE = 3.0  #: largest standard normal variable there
+LARGEST_SCORE = 3.0  #: largest standard normal variable at the start of a search for the mode
 
 
 @dataclass(frozen=True)
@@ -142,10 +141,12 @@ class Coordinates:
         x[..., len(self.law.parts) : len(self.law.parts) + points.shape[-1]] = points
         return x
 
-    def find_variables(self, coefficients: FloatArray, point: FloatArray, scatter: float) -> FloatArray:
+    def find_variables(
+        self, coefficients: FloatArray, point: FloatArray, scatter: float, least_share: float
+    ) -> FloatArray:
         """The variables x (dimension,) of coefficients (parts,), shapes ``point`` (shapes,) and a relative scatter.
 
-        Shares stay within ``SHARE_RANGE``, others within ``LARGEST_SCORE``, since the prior vanishes at the ends.
+        Shares are at least ``least_share``, others within ``LARGEST_SCORE``: the prior vanishes at the ends.
         """
         x, parts = self.place(point), len(self.law.parts)
         unit = np.array(self.coefficients(x))
@@ -154,7 +155,7 @@ class Coordinates:
         x[0] = np.clip(np.log(total) / TOTAL_LOG_SD, -LARGEST_SCORE, LARGEST_SCORE)
         remainder = force.sum()
         for i in range(parts - 1):
-            fraction = np.clip(force[i] / max(remainder, np.finfo(float).tiny), *SHARE_RANGE)
+            fraction = np.clip(force[i] / max(remainder, np.finfo(float).tiny), least_share, 1.0 - least_share)
             x[1 + i] = -ndtri((1.0 - fraction) ** (parts - 1 - i))
             remainder -= force[i]
         score = np.log(scatter / SCATTER_MEDIAN + 0.1) / SCATTER_LOG_SD

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
 from damping.errors import InputError, check_whole, list_nearest, naming
-from damping.records.text import DEFAULT_MAX_SIZE, decode, describe_shortened, read_bytes
+from damping.records.text import DEFAULT_MAX_SIZE, decode, describe_shortened, read_bytes, too_large
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -82,12 +82,20 @@ def read_toml(path: str | Path, max_size: int = DEFAULT_MAX_SIZE) -> TomlTable:
     """The top table of a TOML file. InputError, with the line, if it cannot be read or is not TOML."""
     check_whole(max_size=max_size)
     with naming(path):
-        content, broken = decode(read_bytes(path, min(max_size, MAX_TOML_SIZE)))
+        return parse_toml(read_bytes(path, min(max_size, MAX_TOML_SIZE)), str(path))
+
+
+def parse_toml(data: bytes, file: str) -> TomlTable:
+    """The top table in the bytes of a TOML ``file``. InputError: as of `read_toml`."""
+    with naming(file):
+        if len(data) > MAX_TOML_SIZE:
+            raise too_large(file, MAX_TOML_SIZE)
+        content, broken = decode(data)
         if broken is not None:
             raise broken
         content = content.replace("\r\n", "\n")
         try:
-            return TomlTable(tomllib.loads(content), (), str(path), content)
+            return TomlTable(tomllib.loads(content), (), file, content)
         except ValueError as error:  # tomllib.TOMLDecodeError, or an integer of thousands of digits
             reason, place = str(error), _PLACE.search(str(error))
             if place is None:
@@ -234,7 +242,7 @@ _EXPECTED = {
 _LIMIT = "Input should be "  #: beginning of pydantic's message on a number beyond a limit
 
 
-def read_schema(table: TomlTable, schema: type[Schema], written: Mapping[str, str] | None = None) -> Schema:
+def read_schema(table: TomlTable, schema: type[Schema], written: Mapping[str, str]) -> Schema:
     """A whole TOML file checked by a schema; ``written``: notation of keys with several values, by key.
 
     InputError: line and key of the first problem, and what was expected.
@@ -248,7 +256,7 @@ def read_schema(table: TomlTable, schema: type[Schema], written: Mapping[str, st
         problem = min(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
     loc, kind = problem["loc"], problem["type"]
     key, message = str(loc[-1]), problem["msg"].removeprefix("Value error, ")
-    expected = (written or {}).get(key)
+    expected = written.get(key)
     if kind == "extra_forbidden":
         message, expected = "unknown key", list_nearest(key, _find_schema(schema, loc[:-1]).model_fields)
     elif kind == "missing":

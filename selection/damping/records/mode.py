@@ -14,7 +14,7 @@ import numpy as np
 from damping import effects, forces
 from damping.arrays import RAD_S_PER_HZ, FloatArray, unwrap
 from damping.forces.shapes import Shape
-from damping.records.keys import TomlTable, read_toml
+from damping.records.keys import TomlTable, parse_toml, read_toml
 from damping.records.text import DEFAULT_MAX_SIZE, read_source
 
 #: Range of ln mass over its standard error beyond which masses differ: ten estimates of one mass do in 1.4 % of cases.
@@ -36,13 +36,11 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class Rig:
-    """The test rig: principal ``planes`` that can move (1 or 2), ``force`` ``measured`` at the structure or
-    ``prescribed``, sweep ``rate`` in Hz/s (0 for dwells); None or empty if unknown.
-    """
+    """The test rig; None or empty if unknown."""
 
-    planes: int | None = None
-    force: str = ""
-    rate: float | None = None
+    planes: int | None = None  #: principal planes that can move, 1 or 2
+    force: str = ""  #: ``measured`` at the structure, or ``prescribed``
+    rate: float | None = None  #: of a sweep, Hz/s; 0 for dwells
 
 
 @dataclass(frozen=True)
@@ -76,8 +74,8 @@ class Units:
         return f"{self.length}/{self.time}²" if self.length and self.time else ""
 
     def __str__(self) -> str:
-        named = [f"{what} in {unit}" for what, unit in vars(self).items() if unit]
-        return ", ".join(named) if named else "one consistent system of units"
+        named = (f"{what} in {unit}" for what, unit in vars(self).items() if unit)
+        return ", ".join(named) or "one consistent system of units"
 
 
 class FixedTable(dict[str, Any]):
@@ -105,9 +103,7 @@ class Mode:
     each other effect to its parameters. ``drive`` is ``force``, or ``base`` if the column ``force`` holds the
     acceleration of the base and ``amplitude`` the motion relative to it; the mass then only scales the damping forces,
     and defaults to 1. ``source`` says where the mode is from. Tables may be given as in a mode file: mappings, and a
-    bare number for the coefficient of a force without other parameters.
-
-    InputError: what :func:`read_mode` refuses.
+    bare number for the coefficient of a force without other parameters. InputError: what :func:`read_mode` refuses.
     """
 
     name: str = "mode"
@@ -167,6 +163,11 @@ def read_mode(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Mode:
     return Mode(**_checked(read_toml(path, max_size), Path(path).stem), source=str(path))
 
 
+def parse_mode(data: bytes, source: str, name: str) -> Mode:
+    """The mode in the bytes of the file ``source``; ``name`` if it has none. InputError: as of :func:`read_mode`."""
+    return Mode(**_checked(parse_toml(data, source), name), source=source)
+
+
 def _checked(top: TomlTable, name: str) -> dict[str, Any]:
     """The fields of a mode (without ``source``) from the tables of its file; ``name``: the default name."""
     top.only("mode", "repeatability", "units", "rig", "damping", "effects")
@@ -221,8 +222,7 @@ def _as_written(value: Any) -> Any:
 
 
 def _rig(table: TomlTable) -> Rig:
-    planes, rate = table.known("planes"), table.known("rate")
-    force = table.text("force", default="")
+    planes, rate, force = table.known("planes"), table.known("rate"), table.text("force", default="")
     if planes not in (None, 1.0, 2.0):
         raise table.error("planes", f"is {planes:g}", "1 or 2")
     if force not in ("", "measured", "prescribed"):
@@ -276,22 +276,21 @@ def describe_mode_to_toml(mode: Mode) -> str:
         },
         **{f"effects.{name}": parameters for name, parameters in mode.effects.items()},
     }
-    shown = {name: of for name, of in groups.items() if of or name.startswith("effects.")}
-    lines = ("".join(f"{_describe_key(k)} = {_describe_value(v)}\n" for k, v in of.items()) for of in shown.values())
-    return "\n".join(f"[{name}]\n{text}" for name, text in zip(shown, lines, strict=True))
+    shown = {name: _list_pairs(of) for name, of in groups.items() if of or name.startswith("effects.")}
+    return "\n".join("\n".join([f"[{name}]", *pairs, ""]) for name, pairs in shown.items())
+
+
+def _list_pairs(table: Mapping[str, Any]) -> list[str]:
+    names = (key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else quote_toml(key) for key in table)
+    return [f"{name} = {_describe_value(value)}" for name, value in zip(names, table.values(), strict=True)]
 
 
 def _describe_value(value: str | float | Mapping[str, float]) -> str:
     if isinstance(value, str):
         return quote_toml(value)
     if isinstance(value, Mapping):
-        pairs = (f"{_describe_key(key)} = {_describe_value(number)}" for key, number in value.items())
-        return f"{{{', '.join(pairs)}}}"
+        return f"{{{', '.join(_list_pairs(value))}}}"
     return "true" if value is True else repr(float(value))
-
-
-def _describe_key(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else quote_toml(key)
 
 
 def quote_toml(text: str) -> str:

@@ -68,16 +68,22 @@ def read_record(path: str | Path, *, max_size: int = DEFAULT_MAX_SIZE) -> Record
     the mode file's mass then holds.
     """
     check_whole(max_size=max_size)
-    numbers = [name for name in keys.REQUIRED_COLUMNS + keys.OPTIONAL_COLUMNS if name not in keys.TEXT_COLUMNS]
-    columns = _Columns(keys.REQUIRED_COLUMNS, numbers, keys.TEXT_COLUMNS, keys.BLANK_COLUMNS)
     with naming(path):
         if str(path).lower().endswith(".toml"):
             raise InputError("a TOML file in the place of a record", expected="RECORD.csv")
-        scan = _scan(read_bytes(path, max_size), columns)
+        return parse_record(read_bytes(path, max_size), str(path))
+
+
+def parse_record(data: bytes, source: str) -> Record:
+    """The record in the bytes of a CSV file that is called ``source``. InputError: as of :func:`read_record`."""
+    numbers = [name for name in keys.REQUIRED_COLUMNS + keys.OPTIONAL_COLUMNS if name not in keys.TEXT_COLUMNS]
+    columns = _Columns(keys.REQUIRED_COLUMNS, numbers, keys.TEXT_COLUMNS, keys.BLANK_COLUMNS)
+    with naming(source):
+        scan = _scan(data, columns)
         for problem in find_problems(scan.frame):
             scan.add(problem)
         scan.raise_first()
-    return Record.trusted(scan.frame, str(path))
+    return Record.trusted(scan.frame, source)
 
 
 @dataclass(frozen=True)

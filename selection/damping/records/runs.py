@@ -161,7 +161,7 @@ POWER_TURNS = 4  #: iterations for the power, which resonances of all sweeps sho
 
 
 def find_between(
-    force: FloatArray, frequency: FloatArray, amplitude: FloatArray, power: float = 1.0
+    force: FloatArray, frequency: FloatArray, amplitude: FloatArray, power: float
 ) -> tuple[float, float, float] | None:
     """Force, frequency and amplitude of the resonance between the rows (n,) of a sweep, in any order.
 
