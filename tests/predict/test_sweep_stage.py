@@ -108,6 +108,17 @@ def test_an_effect_that_is_not_integrated_is_refused(model: Path, tmp_path: Path
     assert not (tmp_path / "record.csv").exists()
 
 
+def test_phases_beyond_one_turn_are_written_as_a_phase_meter_reads_them(model: Path, tmp_path: Path) -> None:
+    """A delay of ten seconds is 17 turns at 1.7 Hz; a record holds none."""
+    out, straight = tmp_path / "late.csv", tmp_path / "straight.csv"
+    sweep(model, [4.0], "1.6:1.75:7", straight, "up", "ritz")
+    model.write_text(MODEL + "[effects.time-delay]\ndelay = 10.0\n")
+    sweep(model, [4.0], "1.6:1.75:7", out, "up", "ritz")
+    late, own = read_record(out), read_record(straight)
+    turned = late.column("phase") - own.column("phase") - 20.0 * np.pi * own.column("frequency")
+    np.testing.assert_allclose(np.exp(1j * turned), 1.0, rtol=0.0, atol=1e-4)  # 1e-6 of detuning at resonance
+
+
 @pytest.mark.parametrize(
     ("table", "message"),
     [
