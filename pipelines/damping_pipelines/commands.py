@@ -200,7 +200,7 @@ def regress(
     criterion: Annotated[str, Option(help="Decides what --select keeps: bic, aic, aicc, adjusted-r2 or loo.")] = "bic",
     nonnegative: Annotated[bool, Option("--nonnegative", help="Keep every coefficient >= 0.")] = False,
     t_stop: Annotated[
-        float | None, Option(metavar="T", help="Steps stop at this |T|, not by --criterion: no term below it is kept.")
+        float | None, Option(metavar="T", help="Steps stop at this |T|, not by --criterion; forward drops none.")
     ] = None,
     plots: Annotated[Path | None, Option(metavar="DIR", help="Folder for plots of the deviations.")] = None,
     json_out: Json = None,

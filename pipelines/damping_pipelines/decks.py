@@ -214,9 +214,9 @@ def _find_force(row: Mapping[str, Any]) -> float | None:
 
 
 def _as_point(mode: str, row: Mapping[str, Any]) -> Point | None:
-    """A row as a point; None if it has no damping ratio."""
+    """A row as a point; None if it has no damping ratio, or one that is not positive."""
     ratio = row["damping_ratio"]
-    if ratio is None or ratio.median is None or ratio.low is None or row["frequency"] is None:
+    if ratio is None or not all((value or 0.0) > 0.0 for value in (ratio.median, ratio.low, row["frequency"])):
         return None
     laws = ", ".join(
         f"{law.name} ({law.weight:.2f})" for law in row.get("by_model", ()) if (law.weight or 0.0) >= 0.005
@@ -279,7 +279,7 @@ def fit_coefficients(
     at_force = np.array([point.at_force for point in points])
     A = np.array([metres * point.amplitude for point in points]) / np.where(at_force, share, 1.0)
     F = np.array([newtons * point.force for point in points]) * np.where(at_force, 1.0, share)
-    if not np.all(np.isfinite(A) & np.isfinite(F)):
+    if not np.all((A > 0.0) & (F > 0.0)):
         form = "a form loads/1 or curve/1 (of a campaign: damping curve of modes/NAME/record.csv in its folder)"
         raise AnalysisError(f"coefficients need force and amplitude of each level: {form}")
     columns = np.stack([omega * A, 8.0 / (3.0 * pi) * (omega * A) ** 2], axis=1) / F[:, None]

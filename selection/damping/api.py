@@ -295,4 +295,5 @@ def sweep(
     kept = list_lasting(mode.effects, of_rig=not structure)
     swept = simulate_sweeps(replace(mode, effects=kept), levels.tolist(), hertz, direction, method, watch(progress))
     left_out = tuple(name for name in mode.effects if name not in kept)
-    return SweepResult(swept, mode.name, left_out, tuple(name for name in kept if name not in list_lasting(kept)))
+    of_rig = tuple(name for name in kept if name not in list_lasting(kept))
+    return SweepResult(swept, mode.name, left_out, of_rig, mode.frequency)

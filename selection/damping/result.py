@@ -180,6 +180,7 @@ class SweepResult(Result):
     name: str  #: of the mode or the test
     left_out: tuple[str, ...] = ()  #: effects of the model that were not simulated
     of_rig: tuple[str, ...] = ()  #: simulated effects that change readings only
+    natural: float | None = None  #: frequency of the model, Hz; None of a test
 
     @property
     def table(self) -> pd.DataFrame:
@@ -211,12 +212,16 @@ class SweepResult(Result):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What the sweeps lack of the model, and what is in them that is not of the structure."""
+        """What the sweeps lack of the model or its resonance, and what is in them that is not of the structure."""
         effects_by_reason = {
             "left out, because it belongs to the rig or to one test, not to the structure": self.left_out,
             "as the rig reads them, not the motion of the structure": self.of_rig,
         }
-        return tuple(f"{reason}: {words.format_joined(names)}" for reason, names in effects_by_reason.items() if names)
+        reasons = [f"{why}: {words.format_joined(names)}" for why, names in effects_by_reason.items() if names]
+        swept = self.record.column("frequency")
+        if self.natural is not None and not swept.min() <= self.natural <= swept.max():
+            reasons.append(f"the mode's {self.natural:g} Hz is outside the swept {swept.min():g} to {swept.max():g} Hz")
+        return tuple(reasons)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

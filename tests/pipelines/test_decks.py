@@ -134,7 +134,7 @@ def test_a_mode_at_a_level_that_was_tested_and_asked_is_one_point(deck, order):
     ]
     form = {"format": "campaign/1", "modes": [{"name": "first", "at": at[::order]}]}
     assert read_tabdmp1(deck(form, "nastran"))[1] == [(16.0, 0.006), (32.0, 0.006), (64.0, 0.006)]
-    assert re.search(r"^\*MODAL DAMPING, MODAL=DIRECT\n1, 1, 0.006\n(?!2)", deck(form, "abaqus"), re.MULTILINE)
+    assert re.search(r"^\*MODAL DAMPING\n1, 1, 0.006\n(?!2)", deck(form, "abaqus"), re.MULTILINE)
 
 
 def test_pynastran_reads_it(deck, tmp_path, monkeypatch):
@@ -151,7 +151,7 @@ def test_pynastran_reads_it(deck, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("code", "expected"),
     [
-        ("abaqus", r"^\*MODAL DAMPING, MODAL=DIRECT\n1, 1, 0.0054\n2, 2, 0.0072$"),
+        ("abaqus", r"^\*MODAL DAMPING\n1, 1, 0.0054\n2, 2, 0.0072$"),
         ("ansys", r"^MDAMP,1,0.0054,0.0072$"),
         ("opensees", r"^eigen 2\nmodalDamping 0.0054 0.0072$"),
     ],
@@ -212,6 +212,8 @@ def test_a_deck_is_ascii(deck):
     """Units and names of modes as codes read them: Abaqus takes nothing but ASCII."""
     form = {**CAMPAIGN, "modes": [{**CAMPAIGN["modes"][0], "name": "Brücke λ"}]}
     text = deck({**form, "level_name": "base acceleration", "level_unit": "mm/s²"}, "nastran")
+    assert "by frequency" not in text  # of one mode there is nothing to interpolate
+    assert "$ by frequency: a mode of your model between two tested ones" in deck(CAMPAIGN, "nastran")
     assert text.isascii()
     assert "base acceleration 0.6 mm/s^2, median\n$   Brucke ?: 58 Hz" in text
 
@@ -262,6 +264,19 @@ def test_a_mode_keeps_its_number_where_another_has_no_ratio(deck):
         "eigen 8\nmodalDamping 0.01 0.02 0.03 0.04 0.05 0.06 0.07 0.08"
     ]
     assert "modalDamping 0" not in opensees.split("level 2, median")[1]
+
+
+@pytest.mark.parametrize("code", COMMENTS)
+@pytest.mark.parametrize("wrong", [{"median": -0.01, "low": -0.02}, {"median": 0.01, "low": 0.0}])
+def test_a_ratio_that_is_not_positive_is_left_out(deck, code, wrong):
+    """A negative ratio would feed energy in; of 0 no amplitude follows."""
+    first, second = FORM["predictions"][:2]
+    text = deck({**FORM, "predictions": [{**first, "damping_ratio": wrong}, second]}, code)
+    assert f"{COMMENTS[code]} left out: mode at force 60: no damping predicted" in text
+    assert (
+        text.split("\n", 1)[1]
+        == deck({**FORM, "predictions": [UNKNOWN | {"force": 60.0}, second]}, code).split("\n", 1)[1]
+    )
 
 
 def test_coefficients_carry_the_forces_they_came_from(deck):
@@ -374,6 +389,7 @@ def test_damping_that_falls_with_amplitude_is_said_to_be_of_no_such_form(damping
             2,
         ),
         (CAMPAIGN, "openfast", "coefficients need force and amplitude", 1),
+        ({**FORM, "predictions": [FORM["predictions"][0] | {"force": 0.0}]}, "openfast", "coefficients need force", 1),
         ({**CAMPAIGN, "level_name": "base acceleration"}, "openfast", "this form is of base acceleration", 1),
         ({**FORM, "drive": "base acceleration"}, "openfast", "of a force, and this form is of base acceleration", 1),
     ],

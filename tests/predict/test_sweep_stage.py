@@ -108,6 +108,25 @@ def test_an_effect_that_is_not_integrated_is_refused(model: Path, tmp_path: Path
     assert not (tmp_path / "record.csv").exists()
 
 
+def test_phases_beyond_one_turn_are_written_as_a_phase_meter_reads_them(model: Path, tmp_path: Path) -> None:
+    """A delay of ten seconds is 17 turns at 1.7 Hz; a record holds none."""
+    out, straight = tmp_path / "late.csv", tmp_path / "straight.csv"
+    sweep(model, [4.0], "1.6:1.75:7", straight, "up", "ritz")
+    model.write_text(MODEL + "[effects.time-delay]\ndelay = 10.0\n")
+    sweep(model, [4.0], "1.6:1.75:7", out, "up", "ritz")
+    late, own = read_record(out), read_record(straight)
+    turned = late.column("phase") - own.column("phase") - 20.0 * np.pi * own.column("frequency")
+    np.testing.assert_allclose(np.exp(1j * turned), 1.0, rtol=0.0, atol=1e-4)  # 1e-6 of detuning at resonance
+
+
+def test_a_sweep_that_misses_the_mode_says_so(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Frequencies in rad/s where Hz are asked for: 10.5 for 1.664 Hz."""
+    sweep(model, [4.0], "10:11:7", tmp_path / "record.csv", "up", "ritz")
+    assert "the mode's 1.664 Hz is outside the swept 10 to 11 Hz" in capsys.readouterr().err
+    sweep(model, [4.0], "1.6:1.7:7", tmp_path / "record.csv", "up", "ritz")
+    assert "outside" not in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("table", "message"),
     [

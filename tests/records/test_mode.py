@@ -141,7 +141,7 @@ REFUSED = {
         "[damping]\ndahl = {stiffness = 741, limit = 0.1}", "stiffness: " + STIFFNESS
     ),
     "all of it, by an effect": added("[effects.slip]\nlimit = 0.1\nstiffness = 741", "stiffness: " + STIFFNESS),
-    "effect": added('[effects.phase-lag]\nlag = "c"', "lag: is text; expected a finite number"),
+    "effect": added('[effects.phase-lag]\nlag = "c"', "lag: is text; expected a number > -6.28319 and < 6.28319"),
     "key of an effect": added(
         "[effects.stiffness-hardening]\ncoefficient = 1\nexponant = 2",
         "exponant: unknown key in [effects.stiffness-hardening]; expected exponent (nearest of coefficient, exponent)",
@@ -154,6 +154,13 @@ REFUSED = {
     "all of the force lost": (
         MODE + "[effects.force-dropout]\ndepth = 1\nwidth = 0.1\n",
         ", line 6, column depth: is 1; expected a number >= 0 and < 1",
+    ),
+    "lag in degrees": added(
+        "[effects.phase-lag]\nlag = 11.5", "lag: is 11.5; expected a number > -6.28319 and < 6.28319"
+    ),
+    "angle in degrees": added(
+        "[effects.planar-coupling]\nfrequency_ratio = 1.02\nangle = 30",
+        "angle: is 30; expected a number > -6.28319 and < 6.28319",
     ),
 }
 

@@ -55,6 +55,19 @@ def test_energy_from_force_amplitude_and_phase() -> None:
     assert taken.notes == ("energy = pi * force * amplitude * sin(phase)",)
 
 
+@pytest.mark.parametrize(
+    ("column", "message"),
+    [
+        ({"phase": [0.3, 90.0]}, r"phase: 90 at observation 2, from which energy follows; expected radians"),
+        ({"force": [1.0, -2.0]}, r"force: -2 at observation 2, .* expected a force amplitude > 0"),
+    ],
+)
+def test_energy_does_not_follow_from_what_no_record_holds(column: dict[str, list[float]], message: str) -> None:
+    rows = {"force": [1.0, 2.0], "amplitude": [2.0, 3.0], "phase": [0.3, 1.5]}
+    with pytest.raises(InputError, match=message):
+        take_columns(table(**{**rows, **column}), ["energy"])
+
+
 def test_without_phase_only_resonance_has_an_energy() -> None:
     record = table(sweep=["a", "a", "b"], force=[1.0, 2.0, 3.0], amplitude=[2.0, 1.0, 1.0], frequency=[1.0, 2.0, 3.0])
     taken = take_columns(record, ["energy", "A", "omega"])

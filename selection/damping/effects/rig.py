@@ -10,7 +10,7 @@ from damping.arrays import ComplexArray, FloatArray, Floats, differs
 from damping.effects.contract import Drive, Effect, Form, FormVariable, Instrument, Reading, Scales, Terms, add_parts
 from damping.effects.structure import spread_distance
 from damping.effects.terms import third_harmonic
-from damping.forces.shapes import FORCE, LENGTH, TIME, Shape
+from damping.forces.shapes import FORCE, LENGTH, TIME, TURN, Shape
 
 _DELAY = 0.25  #: prior odds of a delay against a phase lag, nearly equal in the narrow band of one mode: 1 to 4
 #: ln(amplitude over the clipping level) ...
@@ -74,7 +74,7 @@ PHASE_LAG: Effect = Effect(
     sentence="all phases, or those of one state, are off by one constant",
     forms=lag_forms,
     simulate=simulate_lag,
-    shapes=(Shape("lag"), Shape("state", least=0.0, default=0.0)),
+    shapes=(Shape("lag", above=-TURN, below=TURN), Shape("state", least=0.0, default=0.0)),
     need="phase",
 )
 
@@ -223,7 +223,11 @@ BACKGROUND = Effect(
             / (table["force"] if differs(table["force"], 0.0) else drive.F)
         )
     ),
-    shapes=(Shape("amplitude", LENGTH, least=0.0), Shape("angle"), Shape("force", FORCE, least=0.0, default=0.0)),
+    shapes=(
+        Shape("amplitude", LENGTH, least=0.0),
+        Shape("angle", above=-2.0 * TURN, below=2.0 * TURN),  # of a fit, which may pass one turn
+        Shape("force", FORCE, least=0.0, default=0.0),
+    ),
     need="sweep",
 )
 

@@ -16,7 +16,7 @@ from damping.arrays import Floats
 from damping.effects.contract import Drive, Effect, Form, FormVariable, Plane, Scales, Terms
 from damping.effects.simulated import RELATIVE, factor_forms
 from damping.forces.powers import Viscous
-from damping.forces.shapes import FORCE, LENGTH, Shape
+from damping.forces.shapes import FORCE, LENGTH, TURN, Shape
 
 #: Damping of the second plane over that of the first: equal in the report; a quarter more or less is usual.
 DAMPING = FormVariable(centre=1.0, width=0.25, starts=(0.0,))
@@ -126,7 +126,7 @@ PLANAR_COUPLING = Effect(
         plane=Plane(tan(table["angle"]) ** 2, table["frequency_ratio"], table["alike"] != 0.0, table["damping_ratio"]),
     ),
     shapes=(
-        Shape("angle", label="angle in rad"),
+        Shape("angle", above=-TURN, below=TURN, label="angle in rad"),
         Shape("frequency_ratio", above=0.0),
         Shape("damping_ratio", least=0.0, default=1.0),
         Shape("alike", least=0.0, default=0.0),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from math import inf
+from math import inf, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -61,6 +61,8 @@ PURE = Dimension()
 FORCE = Dimension(force=1.0)
 LENGTH = Dimension(length=1.0)
 TIME = Dimension(time=1.0)
+#: One turn, rad: a larger angle is in degrees, as a larger phase of a record is.
+TURN = 2.0 * pi
 
 
 class Tested(NamedTuple):

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray, wrap_lag
 from damping.effects import CATALOGUE, find_effect, with_effects
 from damping.effects.contract import Drive, Terms
 from damping.effects.terms import Prediction, predict
@@ -118,7 +118,10 @@ def _averaged(F: float, hertz: FloatArray, mode: Mode, direction: Direction) -> 
         response = swept(mode, F, omega, direction)
     else:
         response = sweep(from_damping(mode.damping), F, omega, mode.mass, mode.omega_n, direction)
-    yield from zip(response.amplitude[::step].tolist(), response.phase[::step].tolist(), strict=True)
+    phase = response.phase
+    if np.any(np.abs(phase) > 2.0 * math.pi):  # of a delay; a record holds one turn, as a phase meter reads
+        phase = wrap_lag(phase)
+    yield from zip(response.amplitude[::step].tolist(), phase[::step].tolist(), strict=True)
 
 
 def _tabulate_table(label: str, level: float, hertz: FloatArray, rows: list[tuple[float, float]]) -> pd.DataFrame:

@@ -20,7 +20,7 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray, IntArray
 from damping.errors import AnalysisError, InputError, describe_nearest
-from damping.records.record import Record, energy_per_cycle
+from damping.records.record import Record, energy_per_cycle, find_problems
 from damping.records.text import NUMBER
 from damping.regression import Term, times_matrix
 
@@ -75,7 +75,10 @@ def take_columns(table: pd.DataFrame, names: Iterable[str], source: str = "table
 
     ``table`` holds what ``list_required_columns`` names, as finite numbers (``sweep`` excepted). Without ``phase``, an
     energy to be derived is known at phase resonance only, where it is pi * force * amplitude: the row of largest
-    amplitude of each sweep is used and the others are omitted. AnalysisError: no row remains.
+    amplitude of each sweep is used and the others are omitted.
+
+    InputError: an energy to be derived from what no record holds, such as phases in degrees. AnalysisError: no row
+    remains.
     """
     values: dict[str, FloatArray] = {}
     notes: list[str] = []
@@ -85,6 +88,7 @@ def take_columns(table: pd.DataFrame, names: Iterable[str], source: str = "table
             factor = 1.0 if sources[0] == name or name not in _ALIASES else _ALIASES[name][1]
             values[name] = factor * table[sources[0]].to_numpy(dtype=np.float64)
         else:
+            _check_energy_sources(table[list(sources)], source)
             values[name] = energy_per_cycle(Record.trusted(table.reset_index(drop=True), source))
             notes.append("energy = pi * force * amplitude" + (" * sin(phase)" if sources[2] == "phase" else ""))
     keep = np.all([np.isfinite(column) for column in values.values()], axis=0)
@@ -93,6 +97,15 @@ def take_columns(table: pd.DataFrame, names: Iterable[str], source: str = "table
     if not keep.all():
         notes.append(f"no phase: {int(keep.sum())} rows at phase resonance of {len(keep)} are used")
     return Columns({name: column[keep] for name, column in values.items()}, np.flatnonzero(keep), tuple(notes))
+
+
+def _check_energy_sources(table: pd.DataFrame, source: str) -> None:
+    """InputError: the first cell outside the range of its column in a record. Repeated rows are allowed."""
+    problems = [problem for problem in find_problems(table) if problem.column is not None]
+    if problems:
+        first = min(problems, key=lambda problem: problem.row)
+        message = f"{first.message} at observation {first.row + 1}, from which energy follows"
+        raise InputError(message, file=source, column=first.column, expected=first.expected)
 
 
 @dataclass(frozen=True)
