@@ -121,7 +121,7 @@ def _tabulate_records(studies: Sequence[StudySummary]) -> Table:
         | _describe_top(record.form)
         | {
             "law and weight": f"{record.best[0]} {report.format_share(record.best[1])}",
-            "p": next((number_with_error(law.p, law.std_error) for law in record.form.power_laws), report.NOTHING),
+            "p": next((number_with_error(law.p, law.half) for law in record.form.power_laws), report.NOTHING),
         }
         for study in studies
         for record in study.records.values()

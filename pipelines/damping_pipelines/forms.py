@@ -234,7 +234,13 @@ class PowerLawForm(FormPart):
     """The power law of velocity, the first that a study lists."""
 
     p: float
-    std_error: float | None = None
+    p_high: float | None = None  #: high end of its interval, which is symmetric
+    level: float = 0.95  #: content of that
+
+    @property
+    def half(self) -> float | None:
+        """Half the interval: a standard error over few levels says too little of what is not known."""
+        return None if self.p_high is None else self.p_high - self.p
 
 
 class StudyRecordForm(FormPart):

@@ -42,7 +42,7 @@ def summary(median: float = 2.0, weight: float = 0.7, **changes: Any) -> dict[st
         "rank": {"format": "rank/1", "criterion": "c", "models": models},
         "loads": {"format": "loads/1", "level": 0.9, "predictions": [loads]},
         "curve": {"format": "curve/1", "level": 0.9, "rows": [row, row | {"amplitude": 9.0, "tested": False}]},
-        "power_laws": [{"form": "velocity-power", "p": 1.65, "std_error": 0.1}],
+        "power_laws": [{"form": "velocity-power", "p": 1.65, "std_error": 0.039, "p_high": 2.144, "level": 0.95}],
     } | changes
     return {"format": "study/1", "title": HOSTILE, "seed": 1, "level": 0.9, "records": [record]}
 
@@ -178,8 +178,11 @@ def test_inputs_are_the_same_where_their_contents_are(tmp_path, compared, name, 
 
 
 def test_studies_of_different_records_differ_by_no_input(tmp_path, compared):
-    """Their files are different data, not different settings of the same; an exponent has the digits of its error."""
-    laws = [{"form": "velocity-power", "p": 1.4712, "std_error": 0.0012}]
+    """Their files are different data, not different settings of the same; an exponent has the digits of its interval.
+
+    Of three levels the interval is 12.7 standard errors to either side.
+    """
+    laws = [{"form": "velocity-power", "p": 1.4712, "std_error": 0.0012, "p_high": 1.4737, "level": 0.95}]
     other = summary(2.2, power_laws=laws, name="tail")
     one, two = study(tmp_path / "a", summary()), study(tmp_path / "b", other, 1.5, "1", "tail.csv")
     html = compared(one, two)
@@ -187,7 +190,8 @@ def test_studies_of_different_records_differ_by_no_input(tmp_path, compared):
     assert "No record is in every study" in text
     assert "Not the same input" not in text
     exponents = [row[-1] for row in rows_of(html, "Every record")]
-    assert exponents == ["1.65 ± 0.10", "1.4712 ± 0.0012"]
+    assert exponents == ["1.65 ± 0.49", "1.4712 ± 0.0025"]
+    assert "exponent p of F in proportion to A^p, ± half its 95 % interval." in text
 
 
 def test_bands_are_said_to_have_the_level_of_their_study(tmp_path, compared):
