@@ -16,7 +16,7 @@ from damping.records.reading import read_table
 from damping.signals import PrincipalPlanes, plane_motion, reading
 from damping.signals.chain import condition
 from damping.signals.description import Description
-from damping.signals.reading import condition_steps
+from damping.signals.reading import condition_steps, list_doubts
 from damping_reed1970 import data_folder
 
 #: Acceleration per unit of force, lag in degrees, another mode and a rigid body that are removed.
@@ -119,6 +119,27 @@ def test_planes_by_implicit_differentiation() -> None:
     assert not {"phase_sd", "force_sd"} & set(found.columns)
 
 
+@pytest.mark.parametrize("sd", [1e-3, 0.02])
+def test_uncertainties_that_no_first_order_holds_are_told(sd: float) -> None:
+    """Close planes: the spread of xi in 50 repeated tests is within a factor 1.5 of what is stated, or it is told."""
+    place = data_folder() / "saturn-v"
+    planes = {"theta": 28.0, "mass": 21.0, "frequency_pitch": 11.40, "frequency_yaw": 11.50}
+    content = dict(read_toml(place / "condition.toml").values, principal={**planes, "branch": "near", "xi": 0.01})
+    content["sensors"][2]["sd"] = "sd"
+    described = Description.model_validate(content)
+    table = read_table(place / "raw" / "config-1-mode-2.csv")
+    table["sd"] = sd * table["tail_pitch_disp_in_e2"]
+    steps = condition_steps(table, described)
+    stated = steps[-1].after["xi_sd"]
+    many = pd.concat([table] * 50, ignore_index=True)
+    many["tail_pitch_disp_in_e2"] += many["sd"] * np.random.default_rng(0).standard_normal(len(many))
+    xi = condition(many, described)[-1].after["xi"].reindex(many.index).to_numpy(float).reshape(50, len(table))
+    ratio = np.nanstd(xi[:, stated.index], axis=0) / stated.to_numpy(float)
+    rough = [doubt for doubt in list_doubts(table, described, steps) if doubt.startswith("xi_sd is rough in")]
+    assert bool(rough) == bool(np.any((ratio > 1.5) | (ratio < 1.0 / 1.5)))
+    assert bool(rough) == (sd == 0.02)
+
+
 def test_only_what_is_stated_is_given() -> None:
     table = raw()
     steps = condition(table, description(()))
@@ -138,5 +159,10 @@ def test_a_phase_at_the_end_of_its_range_does_not_jump() -> None:
 def test_one_side_stands_for_both_at_the_last_root() -> None:
     middle, up, down = (pd.DataFrame({"xi": values}) for values in ([0.1, 0.2], [np.nan, 0.21], [0.09, 0.19]))
     assert_allclose(reading._difference("xi", middle, up, down), [0.02, 0.02], rtol=1e-12)
-    with pytest.raises(AnalysisError, match="row 1 of the record loses its damping factor"):
-        reading._difference("xi", middle, up, down.assign(xi=[np.nan, 0.19]))
+    assert_allclose(reading._difference("xi", middle, up, down.assign(xi=[np.nan, 0.19])), [np.nan, 0.02], rtol=1e-12)
+
+
+def test_a_row_without_a_damping_factor_on_either_side_is_named(monkeypatch) -> None:
+    monkeypatch.setattr(reading, "_propagate", lambda *_: {"amplitude": np.array([0.1, np.nan])})
+    with pytest.raises(AnalysisError, match="row 2 of the record loses its damping factor"):
+        record(raw(), description())

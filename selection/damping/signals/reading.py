@@ -8,7 +8,7 @@ modal force. Contributions of independent readings add as squares (JCGM 100:2008
 Uncertainties of force, sensors and phase are included as stated row by row. Mode factors, masses, frequencies, the
 angle of the planes, known corrections and R^2/I (held at the identified value) are taken as exact: their errors are
 common to all rows, which a record cannot express. Nor can it express that corrections correlate the errors of amplitude
-and phase. Near a point without a damping factor (Eq. 3.2.15) first order is inaccurate.
+and phase. Near a point without a damping factor (Eq. 3.2.15) first order is inaccurate, which `list_doubts` says.
 """
 
 from collections.abc import Mapping
@@ -27,6 +27,9 @@ from damping.signals.chain import IN_PHASE, ConditioningStep, condition
 from damping.signals.description import Description
 
 _PART = 1e-3  #: share of an uncertainty by which a column is moved; the relative error of the difference is its square
+#: Factor between an uncertainty of first order and that by moves of a whole uncertainty, either way, from which first
+#: order fails in a row: a smooth curve to which a tangent is a guide stays within it.
+_BENT = 1.5
 
 
 def condition_steps(raw: pd.DataFrame, description: Description) -> tuple[ConditioningStep, ...]:
@@ -42,44 +45,61 @@ def condition_steps(raw: pd.DataFrame, description: Description) -> tuple[Condit
     if not stated:
         return steps
     record = steps[-1].after
-    held, rigid = description, description.rigid_body
-    r2_over_i = next((step.constants["r2_over_i"] for step in steps if "r2_over_i" in step.constants), None)
-    if rigid is not None and r2_over_i is not None:
-        known = rigid.model_copy(update={"r2_over_i": r2_over_i, "identify_from": None})
-        held = description.model_copy(update={"rigid_body": known})
-    node = next(sensor.column for sensor in description.sensors if sensor.name == description.node.sensor)
-    raw_columns = {"force": description.raw.force, "phase": description.node.phase}  # by column of the record
-    raw_columns |= dict.fromkeys(("amplitude", "energy", "xi"), node)
-    owners = {name: column for name, column in raw_columns.items() if column in stated and name in record}
-    squares = {name: np.zeros(len(record)) for name in owners}
-    for column, sd in stated.items():
-        step = _PART * raw[sd]
-        up, down = (condition(raw.assign(**{column: raw[column] + sign * step}), held)[-1].after for sign in (1, -1))
-        for name in owners:
-            squares[name] += (_difference(name, record, up, down) / (2.0 * _PART)) ** 2
+    deviations = _propagate(raw, _hold_identified(description, steps), record, _PART)
+    lost = np.any([np.isnan(sd) for sd in deviations.values()], axis=0)
+    if np.any(lost):
+        row = int(np.argmax(lost)) + 1
+        raise AnalysisError(f"row {row} of the record loses its damping factor as soon as a reading is moved")
+    columns = _list_raw_columns(description)
     given = {
-        f"{name}_sd": np.where(raw.loc[record.index, stated[column]] > 0.0, np.sqrt(squares[name]), 0.0)
-        for name, column in owners.items()
+        f"{name}_sd": np.where(raw.loc[record.index, stated[columns[name]]] > 0.0, sd, 0.0)
+        for name, sd in deviations.items()
     }
     after = record.assign(**given)
     return (*steps, ConditioningStep("uncertainties", "first order", record, after, pd.DataFrame(index=record.index)))
 
 
+def _hold_identified(description: Description, steps: tuple[ConditioningStep, ...]) -> Description:
+    """The description with R^2/I as the steps identified it."""
+    r2_over_i = next((step.constants["r2_over_i"] for step in steps if "r2_over_i" in step.constants), None)
+    if description.rigid_body is None or r2_over_i is None:
+        return description
+    known = description.rigid_body.model_copy(update={"r2_over_i": r2_over_i, "identify_from": None})
+    return description.model_copy(update={"rigid_body": known})
+
+
+def _list_raw_columns(description: Description) -> dict[str, str]:
+    """The raw column whose reading a column of the record is, by column of the record."""
+    node = next(sensor.column for sensor in description.sensors if sensor.name == description.node.sensor)
+    phase = {} if description.node.phase is None else {"phase": description.node.phase}
+    return {"force": description.raw.force, **phase, **dict.fromkeys(("amplitude", "energy", "xi"), node)}
+
+
+def _propagate(raw: pd.DataFrame, description: Description, record: pd.DataFrame, part: float) -> dict[str, FloatArray]:
+    """Standard deviations of columns of the record whose reading states one, by moves of a ``part`` of it, (rows,)."""
+    stated = description.uncertainties
+    owners = [name for name, own in _list_raw_columns(description).items() if own in stated and name in record]
+    squares = {name: np.zeros(len(record)) for name in owners}
+    for column, sd in stated.items():
+        step = part * raw[sd]
+        moved = (raw.assign(**{column: raw[column] + way * step}) for way in (1, -1))
+        up, down = (condition(table, description)[-1].after for table in moved)
+        for name in owners:
+            squares[name] += (_difference(name, record, up, down) / (2.0 * part)) ** 2
+    return {name: np.sqrt(square) for name, square in squares.items()}
+
+
 def _difference(name: str, record: pd.DataFrame, up: pd.DataFrame, down: pd.DataFrame) -> FloatArray:
-    """Change from down to up, (rows,); twice the change of one side where the other has no damping factor."""
+    """Change from down to up, (rows,); twice that of one side where the other has no damping factor, or NaN."""
     middle = record[name].to_numpy(float)
     above, below = (table[name].reindex(record.index).to_numpy(float) for table in (up, down))
     above, below = (np.where(np.isnan(a), 2.0 * middle - b, a) for a, b in ((above, below), (below, above)))
-    change = above - below
-    if np.isnan(change).any():
-        row = int(np.isnan(change).argmax()) + 1
-        raise AnalysisError(f"row {row} of the record loses its damping factor as soon as a reading is moved")
-    return wrap_lag(change, -np.pi) if name == "phase" else change
+    return wrap_lag(above - below, -np.pi) if name == "phase" else above - below
 
 
 def list_doubts(raw: pd.DataFrame, description: Description, steps: tuple[ConditioningStep, ...]) -> tuple[str, ...]:
-    """Cautions: readings that stand at a ceiling in a sweep, and removals beyond every measured amplitude."""
-    doubts = []
+    """Cautions: readings at a ceiling, removals beyond every measured amplitude, uncertainties beyond first order."""
+    doubts = _doubt_first_order(raw, description, steps)
     force = raw[description.raw.force].to_numpy(float)
     labels = raw[description.raw.sweep].astype(str) if description.raw.sweep else pd.Series("", raw.index)
     for sensor in description.sensors:
@@ -96,6 +116,23 @@ def list_doubts(raw: pd.DataFrame, description: Description, steps: tuple[Condit
             more = f"{part} takes off up to {most:.3g}, more than the largest amplitude, {measured:.3g}"
             doubts.append(f"{more}: do unit, factor, phi and mass belong together?")
     return tuple(doubts)
+
+
+def _doubt_first_order(raw: pd.DataFrame, description: Description, steps: tuple[ConditioningStep, ...]) -> list[str]:
+    """Columns of uncertainties that a move of the readings by a whole uncertainty contradicts.
+
+    The planes are found from the readings by a root, which is bent where they are close; all else is nearly linear.
+    """
+    if description.principal is None or steps[-1].name != "uncertainties":
+        return []
+    record, doubts = steps[-1].after, []
+    for name, whole in _propagate(raw, _hold_identified(description, steps), steps[-2].after, 1.0).items():
+        first = record[f"{name}_sd"].to_numpy(float)
+        bent = (first > 0.0) & ~((whole < _BENT * first) & (first < _BENT * whole))
+        if bent.any():
+            rows = f"{np.sum(bent)} of {len(bent)} rows"
+            doubts.append(f"{name}_sd is rough in {rows}: the readings are too uncertain to separate planes so close")
+    return doubts
 
 
 #: Notation of keys with several values.
