@@ -67,5 +67,6 @@ def _take_record(record: StudyRecordForm, source: Path) -> CurveForm:
             "units": record.units,
             "drive": record.units.drive,
             "audit": record.audit,
+            "cautions": record.cautions,
         }
     )

@@ -250,6 +250,7 @@ class StudyRecordForm(FormPart):
     title: str = ""
     units: Units = Units()
     audit: list[FindingForm] = []
+    cautions: list[str] = []
     rank: RankForm
     loads: LoadsForm | None = None
     curve: CurveForm | None = None

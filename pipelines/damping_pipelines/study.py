@@ -33,6 +33,7 @@ from damping.records.mode import read_mode
 from damping.records.reading import read_record
 from damping.records.text import AGREED, Disagreement
 from damping.regression.fit import PowerLaw, fit_power_law
+from damping.report.forms import list_mode_cautions
 from damping.report.results import LawPosterior, RecordResult, StudyResult
 from damping_pipelines import collect_drawn, give_back_memory, start_pool
 from damping_pipelines import study_files as files
@@ -249,6 +250,7 @@ def _record_result(
         findings=prepared.findings.findings,
         backbone=prepared.backbone,
         note=record.settings.note,
+        remarks=(*prepared.notes_of_loads, *list_mode_cautions(prepared.all_rows, prepared.mode)),
         design_levels=record.settings.design_levels,
         **predicted.result(),
     )

@@ -42,7 +42,7 @@ class RecordSettings(BaseModel, extra="forbid", frozen=True):
         Annotated[float, Field(gt=0.0, strict=True, allow_inf_nan=False)], ...
     ] = ()  #: where amplitudes are predicted
     design_levels: tuple[str, ...] = ()  #: what each design force stands for, in words such as "0.8 g"
-    laws: tuple[tuple[str, ...], ...] = ()  #: always sampled, whatever their weight
+    laws: tuple[Annotated[tuple[str, ...], Field(min_length=1)], ...] = ()  #: always sampled, whatever their weight
     note: Annotated[str, Field(max_length=400)] = ""  #: what to know of the record, said with the answer
 
     @model_validator(mode="after")
@@ -195,6 +195,7 @@ def _summarise_record(record: RecordResult) -> dict[str, Any]:
         "mode": record.mode.name,
         "units": asdict(record.mode.units),
         "audit": [finding.to_json() for finding in record.findings],
+        "cautions": [*record.against, *filter(None, [record.ranking.fit.sentence]), *record.remarks],
         "rank": rank_form(record.ranking),
         "loads": loads_form(record.design, curve=record.design_curve) if record.design else None,
         "curve": curve_form(record.curve) if record.curve else None,

@@ -442,11 +442,13 @@ LOADS = {"format": "loads/1", "level": 0.9, "predictions": FORM["predictions"][:
     ],
 )
 def test_a_study_is_a_source_of_decks(loads, expected, damping, tmp_path: Path):
-    folder, out = publish_study(tmp_path / "run", summarise("panel", loads)), tmp_path / "deck.bdf"
+    record = summarise("panel", loads, cautions=["no law fits"])
+    folder, out = publish_study(tmp_path / "run", record), tmp_path / "deck.bdf"
     assert damping("export", folder, "--to", "nastran", "--out", out).code == 0
     text = out.read_text()
     assert hashlib.sha256((folder / "summary.json").read_bytes()).hexdigest() in text
     assert "from study/1" in text
+    assert "caution: no law fits" in text
     assert "$   panel: 25 Hz; within the test" in text
     assert ("outside the test" in text) == (loads is None)
     assert re.findall(r"force (\S+) N, median", text) == [f"{force:g}" for force in expected]

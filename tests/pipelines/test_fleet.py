@@ -710,6 +710,14 @@ def test_few_records_have_a_range_and_no_tenths(count, said):
     assert f"of critical damping at the design load, {said}" in texts
 
 
+def test_a_range_is_of_records_with_a_prediction():
+    """One of four has none: the range is not of all of them."""
+    table = pd.DataFrame({"law": "viscous", "damping_ratio": [0.01, 0.02, 0.03, np.nan]})
+    texts = [text for _, text in collect_facts(table, table, np.array([5.0, 6.0, 7.0])).items]
+    assert "of critical damping at the design load, where there is a prediction" in texts
+    assert "linear over median amplitude, where there is a prediction" in texts
+
+
 def test_a_design_force_is_told_where_records_have_several_units():
     """One number is newtons of one record, pounds of another and an acceleration of a third: no answer compares."""
     table = pd.DataFrame({"units_force": ["N", "N", "lbf", "m/s²", None]})

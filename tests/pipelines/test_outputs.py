@@ -10,6 +10,7 @@ import threading
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -160,6 +161,22 @@ def test_bands_are_sealed_and_write_over_nothing(tmp_path, damping, monkeypatch)
     assert "one.csv: is not from the run of the manifest" in run.out + run.err
 
 
+def render_bands(monkeypatch, names, **left_out):
+    """The page on structures of these names and modes; ``left_out``: of the check with levels held out."""
+    over = [f"linear_overprediction_{end}" for end in ("percent", "low", "high")]
+    row = dict.fromkeys(("force", "median", "low", "high", *over, *(f"sd_percent_{name}" for name in PARTS)), 1.0)
+    rows = pd.DataFrame([row | {"extrapolation_ratio": ratio} for ratio in bands.RATIOS])
+    monkeypatch.setattr(bands.forms, "tabulate_loads", lambda at: rows)
+    columns = ("refused", "inside", "median", "measured", "levels", "linear_over_percent")
+    checks = pd.DataFrame([dict.fromkeys(columns, 0) | left_out]).astype({"refused": bool})
+    nothing = SimpleNamespace(laws=[], trend=SimpleNamespace(p=[]), cautions=[])
+    results = [
+        bands.BandResult(name, dp.Mode(name=mode, frequency=1.0, mass=1.0), nothing, nothing, nothing, checks)
+        for name, mode in names.items()
+    ]
+    return bands.render_page(results, seed=1)
+
+
 def test_structures_of_one_mode_name_are_told_apart_by_their_folders(monkeypatch):
     """In the table of goals and in the headings; a name that no other has stays, and so does a known record's title."""
     names = {"a": "bracket", "b": "bracket", "c": "arm", "d": "a", "eth-beam": "bracket"}
@@ -167,21 +184,17 @@ def test_structures_of_one_mode_name_are_told_apart_by_their_folders(monkeypatch
     assert bands.title_structures(names) == titles
     assert bands.title_structures({"a": "bracket"}) == {"a": "bracket"}
     assert bands.title_structures({"a": "a", "b": "b"}) == {"a": "a", "b": "b"}
-    over = [f"linear_overprediction_{end}" for end in ("percent", "low", "high")]
-    row = dict.fromkeys(("force", "median", "low", "high", *over, *(f"sd_percent_{name}" for name in PARTS)), 1.0)
-    rows = pd.DataFrame([row | {"extrapolation_ratio": ratio} for ratio in bands.RATIOS])
-    monkeypatch.setattr(bands.forms, "tabulate_loads", lambda at: rows)
-    columns = ("refused", "inside", "median", "measured", "levels", "linear_over_percent")
-    left_out = pd.DataFrame([dict.fromkeys(columns, 0)]).astype({"refused": bool})
-    nothing = SimpleNamespace(laws=[], trend=SimpleNamespace(p=[]), cautions=[])
-    results = [
-        bands.BandResult(name, dp.Mode(name=mode, frequency=1.0, mass=1.0), nothing, nothing, nothing, left_out)
-        for name, mode in names.items()
-        if name != "eth-beam"
-    ]
-    page = bands.render_page(results, seed=1)
+    page = render_bands(monkeypatch, {name: mode for name, mode in names.items() if name != "eth-beam"})
     assert re.findall(r"^## (.*)$", page, re.MULTILINE) == ["a", "b", "arm", "d"]
     assert re.findall(r"^\| (\w+): high/low at 1.5", page, re.MULTILINE) == ["a", "b", "arm", "d"]
+
+
+def test_bands_whose_checks_were_all_refused(monkeypatch):
+    """No median errs by nothing, nothing is over by -0 %, and the picture of a folder with a space is found."""
+    page = render_bands(monkeypatch, {"arm 1": "arm"}, refused=True, median=np.nan, linear_over_percent=-0.3)
+    assert "The median errs" not in page
+    assert "1.5 times).\nLinear damping from the same levels overpredicts by up to 0 %." in page
+    assert "![Bands of arm 1](arm%201.png)" in page
 
 
 def test_a_study_writes_over_no_measured_file(tmp_path, damping):

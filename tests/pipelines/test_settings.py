@@ -1,10 +1,20 @@
 """Study settings: every mistake is one line that names file, line and key."""
 
+from concurrent.futures import Future
+from typing import Any
+
+import numpy as np
 import pytest
 
+from damping.arrays import RAD_S_PER_HZ
 from damping.errors import InputError
-from damping_pipelines.study import read_inputs
-from damping_pipelines.study_files import default_study, read_settings
+from damping.forces import make
+from damping.infer.law import Law
+from damping.ranking import rank_laws
+from damping.records.record import record_to_csv
+from damping_pipelines.study import _record_result, read_inputs
+from damping_pipelines.study_files import _summarise_record, default_study, read_settings
+from tests.conftest import OMEGA_N, M
 
 GOOD = """title = "t"
 seed = 3
@@ -65,6 +75,7 @@ def test_default_study_reads_all_its_files():
         ("[1, 2.5]", '"x"', ("line 8, column records 1, design_forces: 'x'; expected a list",)),
         ('"a.csv"', "7", ("line 6, column records 1, record: 7; expected text",)),
         ('["viscous", "coulomb"]', '["viscose"]', ("viscous",)),
+        ('["viscous", "coulomb"]', "[]", ("line 9, column records 1, laws 1: []; expected at least one",)),
         ("title", "title title", ("not TOML", "line 1")),
     ],
 )
@@ -93,3 +104,19 @@ def test_two_records_of_one_name(write, name, called):
 def test_a_study_without_records(write, records, said):
     with pytest.raises(InputError, match=said):
         read_settings(write(f'title = "t"\n{records}\n'))
+
+
+def test_a_study_says_of_its_rows_what_single_commands_say(tmp_path, swept):
+    """A removed phase offset, and that predictions weigh laws at resonance; they stood on the terminal alone."""
+    record = swept(make("viscous", coefficient=1.0), np.array([1.0, 2.0, 4.0]), noise=0.01, offset=0.15)
+    (tmp_path / "a.csv").write_text(record_to_csv(record.frame))
+    mode = f"[mode]\nname = 'a'\nfrequency = {OMEGA_N / RAD_S_PER_HZ}\nmass = {M}\n"
+    (tmp_path / "a.toml").write_text(mode)
+    (tmp_path / "study.toml").write_text(GOOD)
+    (asked,) = read_inputs(read_settings(tmp_path / "study.toml"), tmp_path)
+    ranking = rank_laws(asked.prepared.all_rows, laws=[Law(("viscous",))], hold_out=False)
+    (predicted := Future[dict[str, Any]]()).set_result({})
+    result = _record_result(asked, ranking, predicted, ())
+    assert "was removed" in result.remarks[0]
+    assert "predictions weigh the laws on the resonances" in result.remarks[1]
+    assert _summarise_record(result)["cautions"][-2:] == list(result.remarks)

@@ -35,6 +35,13 @@ def levels_of(forces, peaks, noise=0.01, seed=0, A=LEVELS):
     return peaks(A * np.exp(noise * np.random.default_rng(seed).standard_normal(len(A))), F, OMEGA)
 
 
+def test_sweeps_of_one_level_are_one_level(peaks):
+    """Two sweeps whose forces differ by 1 % say no more on amplitude than one: the predictions call them one level."""
+    data = levels_of([make("viscous", coefficient=1.0)], peaks, A=np.array([1.0, 1.01]))
+    (row,) = rank_laws(data, laws=[Law(("viscous",))], hold_out=False).candidates
+    assert "1 level: amplitude dependence hardly tested" in row.cautions
+
+
 @pytest.mark.parametrize(
     ("name", "parameters"),
     [

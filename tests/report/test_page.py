@@ -243,6 +243,25 @@ def test_an_answer_for_less_than_the_largest_design_force_says_so(study: StudyRe
 
 
 @pytest.mark.usefixtures("no_drawing")
+def test_every_force_without_a_prediction_has_its_reason(study: StudyResult) -> None:
+    """The smallest was refused, as where friction holds the mode: its row of dashes is explained."""
+    peaks = study.records[0]
+    median = np.append(np.nan, peaks.design.average.median[1:])
+    design = replace(peaks.design, average=replace(peaks.design.average, median=median))
+    design = replace(design, cautions=(("no prediction: friction locks the mode at this force",), ()))
+    result = replace(peaks, posteriors=(), design=design)
+    page = " ".join(re.sub("<[^>]+>", " ", render(replace(study, records=(result,), exhibits=())).html).split())
+    said = f"At {format_force_text(design.force[0], 'lb')}: no prediction: friction locks the mode at this force"
+    assert page.count(said) == 2  # before use, and among all cautions
+
+
+@pytest.mark.usefixtures("no_drawing")
+def test_what_was_done_to_the_rows_is_said_as_by_single_commands(study: StudyResult) -> None:
+    result = replace(study.records[0], posteriors=(), remarks=("an offset was removed",))
+    assert "An offset was removed (" in render(replace(study, records=(result,), exhibits=())).html
+
+
+@pytest.mark.usefixtures("no_drawing")
 @pytest.mark.parametrize(("decay", "said"), [(False, "3 force levels"), (True, "2 amplitude levels of free decay")])
 def test_levels_of_a_decay_are_of_amplitude(study: StudyResult, decay: bool, said: str) -> None:
     """Amplitudes of 1.229, 1.439 and 1.567 in: the last two within a tenth, whose forces are 16 % apart."""

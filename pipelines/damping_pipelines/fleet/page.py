@@ -206,7 +206,7 @@ def collect_facts(table: pd.DataFrame, good: pd.DataFrame, over: FloatArray) -> 
     facts = [(str(len(good)), f"of {len(table)} records analysed")]
     ratios = good["damping_ratio"].dropna().to_numpy(float)
     if len(ratios):
-        low, high, place = _range(ratios)
+        low, high, place = _range(ratios, len(good))
         facts.append(
             (f"{number(100 * low)} to {number(100 * high)} %", f"of critical damping at the design load, {place}")
         )
@@ -218,17 +218,18 @@ def collect_facts(table: pd.DataFrame, good: pd.DataFrame, over: FloatArray) -> 
             (names, f"leads in {first.iloc[0]} of them" if len(first) == 1 else f"lead in {first.iloc[0]} each")
         )
     if len(over):
-        low, high, place = _range(over)
+        low, high, place = _range(over, len(good))
         facts.append((format_signed(np.median(over)), "linear over median amplitude, median record"))
         facts.append((f"{format_signed(low)} to {format_signed(high)}", f"linear over median amplitude, {place}"))
     return Facts(facts)
 
 
-def _range(values: FloatArray) -> tuple[float, float, str]:
-    """The range of nine values of ten, or of all where they are few, and which."""
-    few = len(values) < RECORDS_OF_TEN
+def _range(values: FloatArray, records: int) -> tuple[float, float, str]:
+    """The range of nine values of ten, or of all where they are few, and which; of so many ``records``."""
+    few, every = len(values) < RECORDS_OF_TEN, len(values) == records
     low, high = np.quantile(values, [0.0, 1.0] if few else [0.05, 0.95])
-    return float(low), float(high), "in all of them" if few else "in nine records of ten"
+    place = "in nine records of ten" if not few else "in all of them" if every else "where there is a prediction"
+    return float(low), float(high), place
 
 
 def _count(values: pd.Series) -> pd.Series:

@@ -57,7 +57,7 @@ def list_cautions(
     cautions += _list_plan_cautions(force, plan, banded=not np.isnan(amplitude)) if plan else []
     cautions += _list_test_limits(force, amplitude, data)
     if weights and max(weights) < 0.5 * sum(weights):
-        cautions.append("no law has more than half of the weight")
+        cautions.append("no law has more than half of the weight in the prediction")
     return tuple(cautions)
 
 

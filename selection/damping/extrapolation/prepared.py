@@ -40,10 +40,10 @@ def near_resonance(record: Record) -> Observations:
 
 
 def describe_weights(data: Observations, rows: int) -> tuple[str, ...]:
-    """That weights are based on fewer rows than the ``rows`` of a ranking, and what one level does not show."""
+    """That predictions rest on fewer rows than the ``rows`` of a ranking, and what one level does not show."""
     on = "resonances of the sweeps, because rows of one sweep share its error"
     on = on if len(data.A) == len(data.sweeps) else "rows between the half-power points"
-    fewer = f"weights are those of the laws on the {on}; a ranking weighs them on every row"
+    fewer = f"predictions weigh the laws on the {on}; a ranking weighs them on every row"
     return tuple(filter(None, [fewer if len(data.A) < rows else "", _describe_one_level(data, rows)]))
 
 

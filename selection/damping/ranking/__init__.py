@@ -259,8 +259,8 @@ def _list_cautions(row: Candidate, data: Observations) -> tuple[str, ...]:
         edges = shape.prior.range if shape.prior else None
         if edges is not None and not edges[0] + EDGE < value < edges[1] - EDGE:
             cautions.append(f"{name} is at the edge of its range")
-    if len(data.sweeps) < 3:
-        cautions.append(f"{count(len(data.sweeps), 'force level')}: amplitude dependence hardly tested")
+    if (levels := int(data.levels.max()) + 1) < 3:
+        cautions.append(f"{count(levels, 'level')}: amplitude dependence hardly tested")
     if row.weight < NEGLIGIBLE and row.weighed.effective_draws < FEW_DRAWS:
         cautions.append("negligible weight, so few draws: its numbers are rough")
     elif row.weighed.effective_draws < FEW_DRAWS:

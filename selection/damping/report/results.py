@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from damping.arrays import FloatArray
 from damping.extrapolation.backbone import Backbone
-from damping.extrapolation.cautions import BEYOND_TEST, REFUSAL
+from damping.extrapolation.cautions import BEYOND_TEST, find_refusal
 from damping.extrapolation.curve import Curve
 from damping.extrapolation.draws import LEAST_WEIGHT, NextLevel
 from damping.extrapolation.prediction import Loads
@@ -25,7 +25,7 @@ from damping.records.record import Record
 from damping.records.text import AGREED, Disagreement
 from damping.records.view import Finding
 from damping.regression.fit import PowerLaw
-from damping.report import count, format_force_text
+from damping.report import count, format_force_text, format_joined
 from damping.report.page import Block, Section, write_blocks
 
 
@@ -58,6 +58,7 @@ class RecordResult:
     power_laws: tuple[PowerLaw, ...] = ()  #: of both forms; empty with fewer than two levels
     findings: tuple[Finding, ...] = ()  #: of the audit of the record
     against: Disagreement = AGREED  #: where the diagnosis disagrees with the predictions
+    remarks: tuple[str, ...] = ()  #: on the rows that the answers rest on, as `rank` and `extrapolate` say them
     curve: Curve | None = None  #: damping ratio over amplitude; None where laws could not be weighed
     drawn_curve: Curve | None = None  #: the same at as many amplitudes as a drawing needs
     design_curve: Curve | None = None  #: the same at the design forces
@@ -143,14 +144,15 @@ def list_design_cautions(result: RecordResult) -> tuple[str, ...]:
 
 
 def list_refused(result: RecordResult) -> list[str]:
-    """Why the largest design force has no prediction, if a smaller one has: the answer is then for another force."""
-    i, design = find_largest(result.design), result.design
-    if design is None or i is None or design.force.max() <= design.force[i]:
+    """Why design forces have no prediction where another has one, the largest force first."""
+    design = result.design
+    if design is None or find_largest(design) is None:
         return []
-    last = int(np.argmax(design.force))
-    force = format_force_text(design.force[last], result.mode.units.force)
-    at = f"at {result.design_levels[last] if result.design_levels else force}: "
-    return [at + caution for caution in design.cautions[last] if caution.startswith(REFUSAL)]
+    forces = [format_force_text(force, result.mode.units.force) for force in design.force]
+    refused = [i for i in np.argsort(-design.force) if np.isnan(design.average.median[i])]
+    own = result.design_levels or forces
+    why = ((own[i], filter(None, [find_refusal(design.cautions[i])])) for i in refused)
+    return [f"at {format_joined(levels)}: {caution}" for caution, levels in collect_holders(why)]
 
 
 MOST_CAUTIONS = 3  #: cautions of a record or mode above the fold at most, the gravest first
@@ -178,8 +180,8 @@ def build_cautions(study: StudyResult) -> list[Block]:
 
 
 def _collect_cautions(result: RecordResult) -> Iterator[str]:
-    """Refusals, disagreements with the diagnosis, findings of the audit, cautions of laws, checks and predictions."""
-    yield from (*list_refused(result), *result.against, *map(str, result.findings))
+    """Refusals, objections of the diagnosis, findings and notes on rows, cautions of laws, checks and predictions."""
+    yield from (*list_refused(result), *result.against, *map(str, result.findings), *result.remarks)
     for candidate in result.ranking.weighted(LEAST_WEIGHT):
         yield from candidate.cautions
     rough = [s for s in result.posteriors if s.leave_one_out.caution]

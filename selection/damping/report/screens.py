@@ -155,7 +155,7 @@ def _tabulate_answers(study: StudyResult) -> Table:
 def _list_gravest(result: RecordResult) -> list[str]:
     """The gravest cautions of a record."""
     first = (*list_refused(result), *result.against, *filter(None, [result.ranking.fit.sentence]))
-    return keep_gravest([*first, *map(str, result.findings), *list_design_cautions(result)])
+    return keep_gravest([*first, *map(str, result.findings), *list_design_cautions(result), *result.remarks])
 
 
 def _list_shown_laws(result: RecordResult) -> list[Candidate]:
