@@ -99,12 +99,14 @@ def describe_comparison_page(studies: Sequence[StudySummary], versions: Mapping[
             parts |= {f"{name} {what}": table for what, table in tables.items()}
             present = {what: what in tables for what in ("predictions", "posteriors")}
             records.append(_describe_record(name, having, studies) | present)
+    forms = [record.form for study in studies for record in study.records.values()]
     values = {
         "studies": studies,
         "shared": shared,
         "leaders": {name: {s.name: s.records[name].best[0] for s in studies} for name in shared},
         "differences": _list_differences(studies),
         "records": records,
+        "interval": next((f"{100 * law.level:g}" for record in forms for law in record.power_laws), ""),
         "levels": list(dict.fromkeys(f"{100 * study.form.level:g}" for study in studies)),
         **sharing,
     }
@@ -121,7 +123,7 @@ def _tabulate_records(studies: Sequence[StudySummary]) -> Table:
         | _describe_top(record.form)
         | {
             "law and weight": f"{record.best[0]} {report.format_share(record.best[1])}",
-            "p": next((number_with_error(law.p, law.half) for law in record.form.power_laws), report.NOTHING),
+            "p": next((number_with_error(law.p, law.half_width) for law in record.form.power_laws), report.NOTHING),
         }
         for study in studies
         for record in study.records.values()

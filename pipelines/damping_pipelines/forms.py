@@ -238,8 +238,8 @@ class PowerLawForm(FormPart):
     level: float = 0.95  #: content of that
 
     @property
-    def half(self) -> float | None:
-        """Half the interval: a standard error over few levels says too little of what is not known."""
+    def half_width(self) -> float | None:
+        """Of the interval: a standard error of the few degrees of freedom that few levels leave looks too certain."""
         return None if self.p_high is None else self.p_high - self.p
 
 

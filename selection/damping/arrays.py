@@ -100,7 +100,7 @@ def wrap_lag(phase: FloatArray, least: float = -0.5 * pi) -> FloatArray:
     return phase - 2.0 * pi * np.floor((phase - least) / (2.0 * pi))
 
 
-def unwrap(value: Any) -> Any:
+def to_python(value: Any) -> Any:
     """The Python value of a numpy scalar or of an array without axes; dates as scalars, anything else unchanged."""
     if not (isinstance(value, np.generic) or (type(value) is np.ndarray and value.ndim == 0)):
         return value

@@ -191,7 +191,7 @@ def test_studies_of_different_records_differ_by_no_input(tmp_path, compared):
     assert "Not the same input" not in text
     exponents = [row[-1] for row in rows_of(html, "Every record")]
     assert exponents == ["1.65 ± 0.49", "1.4712 ± 0.0025"]
-    assert "exponent p of F in proportion to A^p, ± half its 95 % interval." in text
+    assert "exponent p of F in proportion to A^p, ± half the width of its 95 % interval." in text
 
 
 def test_bands_are_said_to_have_the_level_of_their_study(tmp_path, compared):

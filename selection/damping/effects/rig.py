@@ -225,7 +225,7 @@ BACKGROUND = Effect(
     ),
     shapes=(
         Shape("amplitude", LENGTH, least=0.0),
-        Shape("angle", above=-2.0 * TURN, below=2.0 * TURN),  # of a fit, which may pass one turn
+        Shape("angle", above=-2.0 * TURN, below=2.0 * TURN),  # 7 sd of a fit's prior; one turn would be 3.5
         Shape("force", FORCE, least=0.0, default=0.0),
     ),
     need="sweep",

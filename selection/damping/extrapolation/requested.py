@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from damping.arrays import FloatArray, Numbers, is_number, unwrap
+from damping.arrays import FloatArray, Numbers, is_number, to_python
 from damping.errors import InputError
 from damping.records.keys import LARGEST, SMALLEST
 
@@ -20,7 +20,7 @@ def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = 
     if _count_axes(forces) != 1 or len(forces) == 0:
         raise InputError(f"no list of {what}s", expected=f"{_AMPLITUDES[what]} > 0, or several")
     for given in forces:
-        force = unwrap(given)  # in single precision the bounds overflow
+        force = to_python(given)  # in single precision the bounds overflow
         if not (is_number(force) and SMALLEST <= force <= LARGEST):
             beyond = f", of a magnitude of {SMALLEST:g} to {LARGEST:g}" if is_number(force) and force > 0.0 else ""
             raise InputError(f"{what} {_quote(force)}", expected=f"{_AMPLITUDES[what]} > 0{beyond}")
@@ -31,7 +31,7 @@ def check_loads(forces: Sequence[float] | np.ndarray, level: float, what: str = 
 def list_asked(values: Numbers, what: str, level: float) -> FloatArray:
     """Any number of forces or amplitudes, as named by ``what``, or a single one; InputError as `check_loads`."""
     _check_level(level)
-    values = unwrap(values)
+    values = to_python(values)
     values = [values] if isinstance(values, int | float | np.number) else values
     return check_loads(values, level, what) if _count_axes(values) != 1 or len(values) else np.empty(0)
 

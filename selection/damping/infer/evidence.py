@@ -72,7 +72,7 @@ brief_evidence = partial(evidence, wanted=BRIEF_DRAWS)
 
 
 def start_at(fit: BestFit, coordinates: Coordinates) -> FloatArray:
-    """The standard normal variables of a best fit (n, dimension), starts of the search for the mode."""
+    """The standard normal variables of a best fit with each least share, (n, dimension): starts of the search."""
     if not np.isfinite(fit.squares):
         return np.zeros((1, coordinates.dimension))
     scatter = float(np.sqrt(np.mean(fit.n**2)))
@@ -122,7 +122,7 @@ def find_modes(log_density: LogDensity, fitted: FloatArray, anywhere: FloatArray
     apart = difference @ np.linalg.solve(covariances.sum(axis=0), difference) > APART**2
     if apart and np.ptp(values) < OUTWEIGHED:
         return modes, covariances
-    best = int(np.argmin(values)) if apart else 0
+    best = int(np.argmin(values)) if apart else 0  # of equal ones that from the best fit
     return modes[best : best + 1], covariances[best : best + 1]
 
 

@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from damping import effects, forces
-from damping.arrays import RAD_S_PER_HZ, FloatArray, unwrap
+from damping.arrays import RAD_S_PER_HZ, FloatArray, to_python
 from damping.forces.shapes import Shape
 from damping.records.keys import TomlTable, parse_toml, read_toml
 from damping.records.text import DEFAULT_MAX_SIZE, read_source
@@ -218,7 +218,7 @@ def _as_written(value: Any) -> Any:
         value = {key: stated for key, stated in vars(value).items() if stated is not None and stated != ""}
     if isinstance(value, Mapping):
         return {key: _as_written(inner) for key, inner in value.items()}
-    return unwrap(value)
+    return to_python(value)
 
 
 def _rig(table: TomlTable) -> Rig:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from damping.arrays import FloatArray, unwrap
+from damping.arrays import FloatArray, to_python
 from damping.errors import InputError
 from damping.records import keys
 from damping.records.summary import MOST_SHOWN, Summarised
@@ -242,7 +242,7 @@ def read_numbers(cells: pd.Series, name: str, file: str | None, also: str = "") 
     """
     if cells.dtype == np.float64:
         return cells.to_numpy(copy=True)
-    cells = pd.Series([unwrap(cell) for cell in cells], dtype=object) if cells.dtype == object else cells
+    cells = pd.Series([to_python(cell) for cell in cells], dtype=object) if cells.dtype == object else cells
     kind = pd.api.types.infer_dtype(cells)
     kinds = {pd.api.types.infer_dtype([cell]) for cell in cells} if kind.startswith("mixed") else {kind}
     for kind in sorted(kinds & keys.NO_NUMBERS.keys() - {also}):
