@@ -61,6 +61,17 @@ def test_a_response_that_is_its_own_term_is_named(run: Run, shoe: Path) -> None:
     assert not form_of(run, shoe, "--response", "y", "--terms", "x")["notes"]
 
 
+@pytest.mark.parametrize(("last", "exact"), [("6", True), ("6.000000000001", False)])
+def test_an_exact_fit_says_that_its_statistics_are_of_rounding(
+    run: Run, tmp_path: Path, last: str, exact: bool
+) -> None:
+    """y = 2 x fits 2, 4, 6 to rounding; with 1e-12 added to 6 the T-ratio is of a deviation that the table holds."""
+    path = tmp_path / "line.csv"
+    path.write_text(f"x,y\n1,2\n2,4\n3,{last}\n")
+    notes = form_of(run, path, "--response", "y", "--terms", "x")["notes"]
+    assert [note.startswith("the fit is exact to the digits of the table") for note in notes] == [True] * exact
+
+
 def test_a_table_of_semicolons_and_decimal_commas_is_named(run: Run, shoe: Path) -> None:
     shoe.write_text("x;y\n1,5;2,5\n2,5;4,5\n")
     code, _, err = run(shoe, "--response", "y", "--terms", "x")

@@ -26,6 +26,8 @@ from damping.regression.subsets import Subsets
 
 #: Upper ends of the bands of |percent deviation| in the break-down; what is beyond the last is a band of its own.
 BANDS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+#: Largest deviation over the response, root mean squares, of a fit that is exact: a few roundings of 1e-16 each.
+EXACT = 1e-14
 
 
 def break_down(fit: Fit) -> pd.DataFrame:
@@ -103,6 +105,11 @@ def _collect_cautions(fit: Fit) -> tuple[str, ...]:
     cautions = []
     if fit.n == fit.k:
         cautions.append("as many terms as observations: the fit is exact and gives no errors")
+    elif np.linalg.norm(fit.deviations) <= EXACT * np.linalg.norm(fit.observed):
+        cautions.append(
+            "the fit is exact to the digits of the table: errors, T-ratios and criteria are of rounding, as for a"
+            " response that was computed from these terms"
+        )
     if fit.condition_number > 1e4:
         digits = int(np.log10(fit.condition_number))
         cautions.append(

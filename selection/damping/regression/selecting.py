@@ -69,7 +69,7 @@ def stepwise(
     check_choice(direction, DIRECTIONS, f"no direction {direction!r}")
     decompose(design)
     if direction == "backward" and design.n == design.k:
-        message = f"backward elimination needs more than {design.k} observations to judge {design.k} terms by"
+        message = f"backward elimination needs more observations than terms, to judge these by: {design.k} of each here"
         raise AnalysisError(message)
     search = _Search(design, criterion, t_stop, fitter)
     if direction == "backward":
