@@ -48,6 +48,9 @@ DIFFERENCE_FREEDOM = 2.0 / 3.0
 #: Largest noise of one row, relative amplitude, that can excuse a law: rows of a resonance do not differ by more from
 #: their neighbours. A uniform phase has .9.
 ROUGHEST = 0.2
+#: Misfit along the sweeps over the scatter from row to row, above which it is said to be smooth if runs are few too:
+#: it then has at least the variance of that scatter.
+SMOOTH = 1.5
 UNDERSTATED = 2.0  #: scatter from row to row over the stated noise, above which the stated noise is questioned
 #: Levels lie apart where they scatter by this many times the noise of one row: so do 1 of 325 sweeps of structures in
 #: and out of the library with exact levels (with the next condition) ...
@@ -70,6 +73,8 @@ class FitVerdict:
     level_caution: str = ""
     #: scatter from row to row over the stated noise, if the law fits and it exceeds ``UNDERSTATED``; else 0
     rough: float = 0.0
+    #: root mean square misfit along the sweeps, per cent, if the law fits but misses rows smoothly (``SMOOTH``); else 0
+    smooth: float = 0.0
     law: str = ""  #: name of the leading law
     other: str = ""  #: where the verdict is ``poor``, name of the first law after it that fits
     #: whether weights, and so the leading law, are those of the resonances alone: on all rows another law may lead
@@ -89,7 +94,12 @@ class FitVerdict:
             "none fits": f"{none}: {leading}, {self.law}, {by}",
         }
         rough = f"rows scatter along the sweeps by {self.rough:.2g} times the stated noise: check that noise"
-        return "; ".join(filter(None, [verdicts[self.verdict], self.level_caution, rough if self.rough else ""]))
+        smooth = (
+            f"{self.law} fits but for a smooth misfit of {per_cent(self.smooth)} % along the sweeps: weights and"
+            " intervals, which count rows as independent, are too certain"
+        )
+        further = [rough if self.rough else "", smooth if self.smooth else ""]
+        return "; ".join(filter(None, [verdicts[self.verdict], self.level_caution, *further]))
 
 
 def judge_fit(leader: BestFit, others: Iterable[BestFit], data: Observations, seed: int = 0) -> FitVerdict:
@@ -103,8 +113,10 @@ def judge_fit(leader: BestFit, others: Iterable[BestFit], data: Observations, se
     misfit = 100.0 * float(np.sqrt(np.mean(leader.n**2)))
     levels = _describe_levels_apart(leader, data) or _describe_hidden_offset(leader, others, data)
     apart = [levels, _describe_peak(data) if verdict == "none fits" else ""]
-    rough = _compare_with_stated(leader, data) if verdict == "fits" else 0.0
-    return FitVerdict(verdict, p, misfit, "; ".join(filter(None, apart)), rough, leader.law.name, other)
+    rough, smooth = 0.0, 0.0
+    if verdict == "fits":
+        rough, smooth = _compare_with_stated(leader, data), _measure_smooth_misfit(leader, data)
+    return FitVerdict(verdict, p, misfit, "; ".join(filter(None, apart)), rough, smooth, leader.law.name, other)
 
 
 def fit_probability(fit: BestFit, data: Observations, seed: int = 0) -> float:
@@ -244,6 +256,21 @@ def _compare_with_stated(fit: BestFit, data: Observations) -> float:
     n, _, known = residuals(fit.force, data)
     ratio, differences = _measure_roughness(n / np.sqrt(known), data) if np.all(known > 0.0) else (0.0, 0.0)
     return ratio if differences and ratio > UNDERSTATED else 0.0
+
+
+def _measure_smooth_misfit(fit: BestFit, data: Observations) -> float:
+    """Root mean square misfit along the sweeps, per cent, where it is smooth; else 0.
+
+    The gains of levels are left free, and the stated noise explains as much. In a decay errors are smooth by nature.
+    """
+    n, h, known = residuals(fit.force, data)
+    gain = np.bincount(data.sweep, h * n) / np.maximum(np.bincount(data.sweep, h * h), 1e-300)
+    along = n - gain[data.sweep] * h
+    noise, differences = _measure_roughness(along, data)
+    size = float(np.sqrt(np.mean(along**2)))
+    if data.amplitude_is_input or not differences or size < SMOOTH * max(noise, float(np.sqrt(np.mean(known)))):
+        return 0.0
+    return 100.0 * size if _runs_probability(along, data) < UNLIKELY else 0.0
 
 
 def _runs_probability(n: FloatArray, data: Observations) -> float:
