@@ -20,6 +20,7 @@ from damping.forces import CATALOGUE as FORCES
 from damping.forces.contract import Force
 from damping.gap.corrected import corrected_mode
 from damping.gap.diagnose import HYPOTHESES, Diagnosis, Explained, explain
+from damping.gap.problem import MOST_ROWS
 from damping.gap.sweeping import read_resonance, simulated_force
 from damping.gap.weighing import KNOWN
 from damping.infer.discrepancy import LIKELY, JointEvidence
@@ -49,7 +50,7 @@ def compare_with_diagnosis(
     """Describe where the diagnosis of the simulation in the mode file contradicts predicted loads; empty if nowhere."""
     # where a law fits poorly, `describe_fall` may quote probabilities, which unnamed causes change
     explained = _explain(prepared, brief=predicted.plan.fit.verdict != "poor", progress=progress)
-    return compare(predicted, explained) if explained else AGREED
+    return compare(predicted, explained) if explained else _say_not_compared(prepared)
 
 
 def compare_with_ranking(
@@ -70,7 +71,14 @@ def compare_with_ranking(
 def doubt_misfit(prepared: PreparedRecord, fit: FitVerdict, progress: Progress = silent) -> Disagreement:
     """Describe where the diagnosis contradicts a ranking in which no law fits; empty if they agree."""
     explained = _explain(prepared, brief=True, progress=progress)
-    return Disagreement(on_rows=describe_misfit(fit, explained) if explained else ())
+    return Disagreement(on_rows=describe_misfit(fit, explained)) if explained else _say_not_compared(prepared)
+
+
+def _say_not_compared(prepared: PreparedRecord) -> Disagreement:
+    """A sentence where a record that has a simulation is too long to be diagnosed; else empty."""
+    if not prepared.mode.damping or len(prepared.measured.driven) <= MOST_ROWS:
+        return AGREED
+    return Disagreement(on_rows=(f"not compared with a diagnosis, which is of at most {MOST_ROWS} rows",))
 
 
 def _explain(prepared: PreparedRecord, *, brief: bool, progress: Progress) -> Explained | None:

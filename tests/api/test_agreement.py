@@ -10,7 +10,7 @@ import pytest
 import damping as dp
 from damping import agreement, extrapolation
 from damping.agreement import describe_disagreement, describe_fall, describe_misfit, simulate_resonance
-from damping.gap import diagnose
+from damping.gap import diagnose, problem
 from damping.gap.corrected import corrected_mode
 from damping.infer.discrepancy import JointEvidence
 from damping.infer.observations import observe
@@ -213,6 +213,16 @@ def test_loads_for_amplitudes_are_compared_as_amplitudes(flagship):
     """The forces that reach an amplitude are no amplitudes: compared with those of the model they say nothing."""
     record, mode = flagship
     assert dp.extrapolate(record, mode, amplitudes=[2.0]).against == AGREED
+
+
+def test_a_record_too_long_for_a_diagnosis_says_so(flagship, few_laws, monkeypatch):
+    """A diagnosis refuses more than so many rows: the loads of such a record are not compared, and this is said."""
+    record, mode = flagship
+    for module in (agreement, problem):
+        monkeypatch.setattr(module, "MOST_ROWS", len(record) - 1)
+    monkeypatch.setattr(agreement, "explain", lambda record, mode, **_: problem.refuse_rows([(record, mode)]))
+    said = dp.extrapolate(record, mode, [90.0]).against
+    assert said == Disagreement(on_rows=("not compared with a diagnosis, which is of at most 2 rows",))
 
 
 def test_an_offset_that_the_audit_finds_is_taken_off_before_laws_are_fitted(few_laws):
