@@ -16,6 +16,7 @@ from dataclasses import replace
 from functools import cache
 from itertools import product
 from pathlib import Path
+from unittest.mock import Mock
 
 import h5py
 import numpy as np
@@ -44,9 +45,9 @@ from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping_pipelines.campaign import _read_earlier
+from damping_pipelines.campaign import PAGES, _read_earlier
 from damping_pipelines.campaign_page import describe_answer, tabulate_damping, tabulate_modes, write_page
-from damping_pipelines.manifest import digest, verify
+from damping_pipelines.manifest import digest, publish, verify
 from damping_pipelines.study_files import read_settings
 from tests.campaign.linear import accelerate
 from tests.campaign.spectra import data_set, write_shaken, write_spectra
@@ -320,6 +321,22 @@ def test_the_command_predicts_every_sensor(tmp_path, damping, no_drawing, tried,
     assert (out / "study.toml").exists()
     assert "mode-2" in (out / "report.html").read_text()
     assert max(widths) <= 1.6  # what is asked of a campaign
+
+
+@pytest.mark.parametrize("name", ["study.toml", "modes/mode-1/mode.toml"])
+def test_files_edited_since_the_last_run_are_not_replaced(tmp_path, damping, monkeypatch, name):
+    """They were, without a word; an edit that was moved elsewhere is in nobody's way."""
+    monkeypatch.setattr("damping_pipelines.campaign.analyse", Mock(side_effect=AnalysisError("at work")))
+    out, source = tmp_path / "out", written(tmp_path / "c.h5")
+    publish(out, dict.fromkeys((*PAGES, name), b"as written"), seed=0, versions={}, inputs={})
+    assert damping("campaign", source, "--out", out).code == 1
+    (out / name).write_text("as edited")
+    run = damping("campaign", source, "--out", out)
+    assert run.code == 2
+    assert f"{name}: has been edited since an earlier run wrote it" in run.err
+    assert (out / name).read_text() == "as edited"
+    (out / name).unlink()
+    assert damping("campaign", source, "--out", out).code == 1
 
 
 def test_page_terminal_and_study_say_what_was_asked(tmp_path, damping, monkeypatch, few_laws):
