@@ -55,8 +55,8 @@ def campaign(
 ) -> None:
     """Analyse files and write ``campaign.json``, ``report.html``, ``study.toml`` and ``modes/`` below ``out``.
 
-    InputError: bad usage, unreadable files, an edited file in the way, or a mode that the audit refuses. AnalysisError: no mode can be followed
-    over the levels.
+    InputError: bad usage, unreadable files, an edited file in the way, or a mode that the audit refuses.
+    AnalysisError: no mode can be followed over the levels.
     """
     tables = [Path(word) for word in design if math.isnan(parse_number(word))]
     read = [*sources, *(path for path in (correct, previous) if path), *tables]

@@ -62,7 +62,10 @@ def test_resonances_of_unlabelled_levels_are_a_sweep_each(tmp_path, imported, he
 def test_a_short_sweep_up_a_flank_stays_one(truth, tmp_path, imported, force):
     """The force of an unbalance grows with its frequency, and the response with it."""
     f, H = truth.f[10:18:2], np.abs(truth.H[10:18:2])
-    lines = ["Freq (Hz),Force (N),Disp (m)", *(f"{a},{F:.6g},{F * b:.6g}" for a, b, F in zip(f, H, force(f), strict=True))]
+    lines = [
+        "Freq (Hz),Force (N),Disp (m)",
+        *(f"{a},{F:.6g},{F * b:.6g}" for a, b, F in zip(f, H, force(f), strict=True)),
+    ]
     assert imported(write_lines(tmp_path / "flank.csv", lines)).record.sweeps == ("flank",)
 
 
