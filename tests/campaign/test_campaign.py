@@ -23,6 +23,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import pyuff
+import scipy.io
 from nptdms import ChannelObject, TdmsWriter
 from scipy.integrate import solve_ivp
 
@@ -518,6 +519,41 @@ def test_tables_are_read_in_their_encoding(tmp_path, monkeypatch, encoding):
     assert runs[0].names == runs[1].names == ["größe"]
     np.testing.assert_array_equal(runs[0].channels[0].samples, runs[1].channels[0].samples)
     np.testing.assert_allclose(np.abs(runs[1].channels[0].samples), 3.0, rtol=1e-4)  # six digits are written
+
+
+def dwelt():
+    """Times, a force of 2 N at 20 Hz and a motion of three times that."""
+    t = np.arange(0.0, 20.0, 1e-3)
+    x = np.sin(2 * np.pi * 20.0 * t)
+    return t, 2.0 * x, 6.0 * x
+
+
+def test_histories_in_mat_files_are_tracked(tmp_path):
+    """They were refused with the advice to give a column of time, which was there."""
+    t, force, tip = dwelt()
+    scipy.io.savemat(tmp_path / "a.mat", {"Test": {"t": t, "force": force[:, np.newaxis], "tip": tip, "fs": 1e3}})
+    facts = Stated(units={"force": "N", "response": "m/s^2"})
+    (run,) = read_runs([tmp_path / "a.mat"], SIZE, facts=facts)[0]
+    np.testing.assert_allclose([run.level, np.abs(run.channels[0].samples).max()], [2.0, 6.0], rtol=1e-6)
+    with pytest.raises(InputError, match=r"column tip: a sensor has no unit.*--unit response=m/s\^2"):
+        read_runs([tmp_path / "a.mat"], SIZE, facts=Stated(units={"force": "N"}))
+
+
+def test_a_force_goes_before_a_voltage_that_is_called_drive(tmp_path):
+    """As in every other file; the voltage was the drive, and the force a sensor in N, which none is."""
+    t, force, tip = dwelt()
+    columns = {"time [s]": t, "Drive [V]": force / 3.0, "Force cell [N]": force, "tip [m/s2]": tip}
+    out = read_corrections(corrected(tmp_path / "out.toml", '[channels.Drive]\nrole = "out"\n'))
+    (run,) = read_runs([write_csv(tmp_path / "a.csv", columns)], SIZE, out)[0]
+    assert (run.drive_unit, run.names) == ("N", ["tip"])
+    np.testing.assert_allclose(run.level, 2.0, rtol=1e-6)
+
+
+def test_what_is_taken_for_a_free_decay_says_how_a_drive_is_stated(tmp_path):
+    t, force, tip = dwelt()
+    driven = write_csv(tmp_path / "a.csv", {"time [s]": t, "foot [m/s2]": force, "tip [m/s2]": tip})
+    with pytest.raises(AnalysisError, match="role = 'drive' in --correct FILE.toml"):
+        analyse([driven])
 
 
 def test_page_of_decays_names_no_input(tmp_path, damping, few_laws, no_drawing):
