@@ -552,7 +552,7 @@ def test_a_force_goes_before_a_voltage_that_is_called_drive(tmp_path):
 def test_what_is_taken_for_a_free_decay_says_how_a_drive_is_stated(tmp_path):
     t, force, tip = dwelt()
     driven = write_csv(tmp_path / "a.csv", {"time [s]": t, "foot [m/s2]": force, "tip [m/s2]": tip})
-    with pytest.raises(AnalysisError, match="role = 'drive' in --correct FILE.toml"):
+    with pytest.raises(AnalysisError, match=r"role = 'drive' in --correct FILE.toml"):
         analyse([driven])
 
 

@@ -105,7 +105,7 @@ def test_a_known_rate_is_a_fault_by_how_fast_it_is(bandwidths, verdicts):
 def test_a_sweep_that_left_few_rows_says_what_to_do():
     f = np.array([19.9, 20.0, 20.1])
     made = record({1.5: steady(1.5, f)}, f, np.random.default_rng(4)).table.assign(sweep_rate=2.0)
-    with pytest.raises(AnalysisError, match="has 3 frequencies .* 5 are needed to correct it; sweep slower, or dwell"):
+    with pytest.raises(AnalysisError, match=r"has 3 frequencies .* 5 are needed to correct it; sweep slower, or dwell"):
         correct_rate(Record(made, "made"), MASS)
 
 
