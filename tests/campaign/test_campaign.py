@@ -539,6 +539,21 @@ def test_histories_in_mat_files_are_tracked(tmp_path):
         read_runs([tmp_path / "a.mat"], SIZE, facts=Stated(units={"force": "N"}))
 
 
+def test_decays_in_mat_and_hdf5_files(tmp_path):
+    """Groups with times and no drive; a unit is asked for, as it says what was measured."""
+    t = np.arange(0.0, 20.0, 0.005)
+    roof = 4.0 * np.exp(-0.01 * 2 * np.pi * 6.0 * t) * np.cos(2 * np.pi * 6.0 * t)
+    scipy.io.savemat(tmp_path / "a.mat", {"t": t, "roof": roof})
+    with pytest.raises(InputError, match="column roof: a sensor has no unit"):
+        read_runs([tmp_path / "a.mat"], SIZE)
+    named = {"time": t, "roof": (roof, "m/s^2")}
+    files = {tmp_path / "a.mat": {"response": "m/s^2"}, write_hdf5(tmp_path / "b.h5", {"blow": named}): {}}
+    for path, units in files.items():
+        (mode,) = analyse([path], facts=Stated(units=units)).modes
+        lowest = mode.places[0]
+        np.testing.assert_allclose([lowest.frequency, lowest.ratio.median], [6.0, 0.01], rtol=2e-3)
+
+
 def test_a_force_goes_before_a_voltage_that_is_called_drive(tmp_path):
     """As in every other file; the voltage was the drive, and the force a sensor in N, which none is."""
     t, force, tip = dwelt()

@@ -127,12 +127,15 @@ def _read(source: Source) -> list[CampaignRun]:
 
 
 def _list_group_runs(source: Source, kind: str, contents: Arrays) -> list[CampaignRun]:
-    """Runs of a file of plain arrays: groups with times and a drive, tracked, and tables against frequency."""
+    """Runs of a file of plain arrays: groups with times and a drive, tracked, and tables against frequency.
+
+    If all groups with times have no drive, and there are no tables, they are free decays.
+    """
     groups: dict[str, dict[str, str]] = {}
     for path in contents.known:
         *above, leaf = path.split("/") if kind == "hdf5" else split(path)
         groups.setdefault("/".join(above), {})[leaf] = path
-    runs, has_spectra = [], False
+    runs, decays, has_spectra = [], [], False
     for group, paths in groups.items():
         names = {role: [leaf for leaf in paths if leaf.lower() in ROLE_NAMES[role]] for role in ("frequency", "time")}
         has_spectra |= bool(names["frequency"] and any(map(source.stated.is_drive, paths)))
@@ -143,7 +146,22 @@ def _list_group_runs(source: Source, kind: str, contents: Arrays) -> list[Campai
         like = {leaf: path for leaf, path in paths.items() if prod(contents.known[path]) == n}
         if drive := source.stated.choose_drive(group or source.file.stem, dict.fromkeys(like, "")):
             runs.append(_track_group(source, kind, group, t, drive, like))
+        elif len(like) > 1:
+            decays.append((group, t, like))
+    if not (runs or has_spectra) and decays:
+        return [_read_decay(source, kind, *decay) for decay in decays]
     return runs + read_table_runs(source) if has_spectra or not runs else runs
+
+
+def _read_decay(source: Source, kind: str, group: str, t: str, paths: Mapping[str, str]) -> CampaignRun:
+    """The free decay of a group with times (at the path ``t``) and motions of one length, by name."""
+    whole = read_arrays(source.file, kind, list(paths.values()), source.most)
+    arrays = {path: values[0].real.reshape(-1) for path, values in whole.arrays.items()}
+    times = arrays[t] * find_abscissa_factor("time", whole.units.get(t, ""))
+    motions = {name: path for name, path in paths.items() if path != t}
+    units = [(name, whole.units.get(path, "")) for name, path in motions.items()]
+    source.require_units(units)
+    return source.make_decay(group or source.file.stem, times, units, [arrays[path] for path in motions.values()])
 
 
 def _track_group(source: Source, kind: str, group: str, t: str, drive: str, paths: Mapping[str, str]) -> CampaignRun:

@@ -117,10 +117,7 @@ class Source:
         self.channels.add(drive)
         text = self.find_unit(drive, "force", units[place][1])
         self._require_unit("the drive", drive, text, "force [N]", "force=N")
-        for name, own in units:
-            if name != drive and self.stated.of(name).role != "out":
-                of_sensor = self.find_unit(name, "response", own)
-                self._require_unit("a sensor", name, of_sensor, "tip [m/s^2]", "response=m/s^2")
+        self.require_units([pair for pair in units if pair[0] != drive])
         try:
             tracked = track_sine(limits.watch(blocks), place, step)
         except AnalysisError as error:
@@ -136,6 +133,14 @@ class Source:
         run = CampaignRun(label, None, text, tracked.frequency[order], size, channels, rate=tracked.rate[order])
         named = zip((name for name, _ in units), limits.found, strict=True)
         return self.set_level(self.leave_clipped(dict(named), run), label)
+
+    def require_units(self, units: Iterable[NamedUnit]) -> None:
+        """Raise InputError for the first sensor without a unit, in the file or stated, that is not to be left out."""
+        for name, text in units:
+            if self.stated.of(name).role != "out":
+                self._require_unit(
+                    "a sensor", name, self.find_unit(name, "response", text), "tip [m/s^2]", "response=m/s^2"
+                )
 
     def _require_unit(self, what: str, name: str, text: str, such: str, option: str) -> None:
         if not text:
