@@ -23,7 +23,7 @@ from damping.records.text import read_bytes
 from damping.report.page import Footer, fill_text, render_page
 from damping_pipelines.campaign_page import describe_frequency, describe_level, write_page
 from damping_pipelines.forms import CampaignForm, IntervalForm, PeakForm, read_form
-from damping_pipelines.manifest import digest_inputs, publish, sole_writer, versions
+from damping_pipelines.manifest import digest_inputs, list_altered, publish, sole_writer, versions
 from damping_pipelines.store import refuse_inputs, to_json
 from damping_pipelines.terminal import (
     PlainTable,
@@ -55,8 +55,8 @@ def campaign(
 ) -> None:
     """Analyse files and write ``campaign.json``, ``report.html``, ``study.toml`` and ``modes/`` below ``out``.
 
-    InputError: bad usage, unreadable files, or a mode that the audit refuses. AnalysisError: no mode can be followed
-    over the levels.
+    InputError: bad usage, unreadable files, an edited file in the way, or a mode that the audit refuses.
+    AnalysisError: no mode can be followed over the levels.
     """
     tables = [Path(word) for word in design if math.isnan(parse_number(word))]
     read = [*sources, *(path for path in (correct, previous) if path), *tables]
@@ -71,6 +71,7 @@ def campaign(
     before = _read_earlier(previous) if previous else None
     facts = Stated(columns=parse_pairs("--column", columns), units=parse_pairs("--unit", units))
     with sole_writer(out, PAGES, read):
+        _refuse_edited(out)
         answer = analyse(sources, levels, wanted, seed, max_size, corrections, limits, before, facts)
         for mode in answer.modes:
             report_findings(mode.record, mode.mode, despite)
@@ -79,6 +80,14 @@ def campaign(
         written = _write_files(answer, title, seed, inputs)
         publish(out, written, seed=seed, versions=versions(), inputs=inputs)
     _show(answer, out)
+
+
+def _refuse_edited(out: Path) -> None:
+    """InputError, before any work, for a study, mode or record that was edited after an earlier run wrote it."""
+    for name in sorted(list_altered(out)):
+        if name.endswith((".toml", ".csv")) and os.path.lexists(out / name):
+            message = "has been edited since an earlier run wrote it, and would be replaced"
+            raise InputError(message, file=out / name, expected="another --out, or that file moved")
 
 
 def _write_files(answer: Campaign, title: str, seed: int, inputs: dict[str, str]) -> dict[str, bytes]:

@@ -240,7 +240,10 @@ def condition(
 def fleet(
     records: Annotated[
         Path,
-        Argument(metavar="RECORDS_DIR", help="NAME.csv with NAME.toml or mode.toml, NAME/data.csv with model.toml."),
+        Argument(
+            metavar="RECORDS_DIR",
+            help="NAME.csv with NAME.toml or mode.toml, NAME/record.csv with mode.toml, NAME/data.csv with model.toml.",
+        ),
     ],
     out: Annotated[Path, Option(metavar="DIR", help="Folder for the results; existing ones are kept.")],
     scheduler: Annotated[

@@ -16,12 +16,14 @@ from dataclasses import replace
 from functools import cache
 from itertools import product
 from pathlib import Path
+from unittest.mock import Mock
 
 import h5py
 import numpy as np
 import pandas as pd
 import pytest
 import pyuff
+import scipy.io
 from nptdms import ChannelObject, TdmsWriter
 from scipy.integrate import solve_ivp
 
@@ -44,9 +46,9 @@ from damping.predict import prepare
 from damping.records.mode import Mode, read_mode
 from damping.records.reading import read_record
 from damping.records.record import Record
-from damping_pipelines.campaign import _read_earlier
+from damping_pipelines.campaign import PAGES, _read_earlier
 from damping_pipelines.campaign_page import describe_answer, tabulate_damping, tabulate_modes, write_page
-from damping_pipelines.manifest import digest, verify
+from damping_pipelines.manifest import digest, publish, verify
 from damping_pipelines.study_files import read_settings
 from tests.campaign.linear import accelerate
 from tests.campaign.spectra import data_set, write_shaken, write_spectra
@@ -322,6 +324,22 @@ def test_the_command_predicts_every_sensor(tmp_path, damping, no_drawing, tried,
     assert max(widths) <= 1.6  # what is asked of a campaign
 
 
+@pytest.mark.parametrize("name", ["study.toml", "modes/mode-1/mode.toml"])
+def test_files_edited_since_the_last_run_are_not_replaced(tmp_path, damping, monkeypatch, name):
+    """They were, without a word; an edit that was moved elsewhere is in nobody's way."""
+    monkeypatch.setattr("damping_pipelines.campaign.analyse", Mock(side_effect=AnalysisError("at work")))
+    out, source = tmp_path / "out", written(tmp_path / "c.h5")
+    publish(out, dict.fromkeys((*PAGES, name), b"as written"), seed=0, versions={}, inputs={})
+    assert damping("campaign", source, "--out", out).code == 1
+    (out / name).write_text("as edited")
+    run = damping("campaign", source, "--out", out)
+    assert run.code == 2
+    assert f"{name}: has been edited since an earlier run wrote it" in run.err
+    assert (out / name).read_text() == "as edited"
+    (out / name).unlink()
+    assert damping("campaign", source, "--out", out).code == 1
+
+
 def test_page_terminal_and_study_say_what_was_asked(tmp_path, damping, monkeypatch, few_laws):
     """80 columns: each row with its level and whole; the page with limits, every level, the law of a ranking."""
     monkeypatch.setenv("COLUMNS", "80")
@@ -501,6 +519,56 @@ def test_tables_are_read_in_their_encoding(tmp_path, monkeypatch, encoding):
     assert runs[0].names == runs[1].names == ["größe"]
     np.testing.assert_array_equal(runs[0].channels[0].samples, runs[1].channels[0].samples)
     np.testing.assert_allclose(np.abs(runs[1].channels[0].samples), 3.0, rtol=1e-4)  # six digits are written
+
+
+def dwelt():
+    """Times, a force of 2 N at 20 Hz and a motion of three times that."""
+    t = np.arange(0.0, 20.0, 1e-3)
+    x = np.sin(2 * np.pi * 20.0 * t)
+    return t, 2.0 * x, 6.0 * x
+
+
+def test_histories_in_mat_files_are_tracked(tmp_path):
+    """They were refused with the advice to give a column of time, which was there."""
+    t, force, tip = dwelt()
+    scipy.io.savemat(tmp_path / "a.mat", {"Test": {"t": t, "force": force[:, np.newaxis], "tip": tip, "fs": 1e3}})
+    facts = Stated(units={"force": "N", "response": "m/s^2"})
+    (run,) = read_runs([tmp_path / "a.mat"], SIZE, facts=facts)[0]
+    np.testing.assert_allclose([run.level, np.abs(run.channels[0].samples).max()], [2.0, 6.0], rtol=1e-6)
+    with pytest.raises(InputError, match=r"column tip: a sensor has no unit.*--unit response=m/s\^2"):
+        read_runs([tmp_path / "a.mat"], SIZE, facts=Stated(units={"force": "N"}))
+
+
+def test_decays_in_mat_and_hdf5_files(tmp_path):
+    """Groups with times and no drive; a unit is asked for, as it says what was measured."""
+    t = np.arange(0.0, 20.0, 0.005)
+    roof = 4.0 * np.exp(-0.01 * 2 * np.pi * 6.0 * t) * np.cos(2 * np.pi * 6.0 * t)
+    scipy.io.savemat(tmp_path / "a.mat", {"t": t, "roof": roof})
+    with pytest.raises(InputError, match="column roof: a sensor has no unit"):
+        read_runs([tmp_path / "a.mat"], SIZE)
+    named = {"time": t, "roof": (roof, "m/s^2")}
+    files = {tmp_path / "a.mat": {"response": "m/s^2"}, write_hdf5(tmp_path / "b.h5", {"blow": named}): {}}
+    for path, units in files.items():
+        (mode,) = analyse([path], facts=Stated(units=units)).modes
+        lowest = mode.places[0]
+        np.testing.assert_allclose([lowest.frequency, lowest.ratio.median], [6.0, 0.01], rtol=2e-3)
+
+
+def test_a_force_goes_before_a_voltage_that_is_called_drive(tmp_path):
+    """As in every other file; the voltage was the drive, and the force a sensor in N, which none is."""
+    t, force, tip = dwelt()
+    columns = {"time [s]": t, "Drive [V]": force / 3.0, "Force cell [N]": force, "tip [m/s2]": tip}
+    out = read_corrections(corrected(tmp_path / "out.toml", '[channels.Drive]\nrole = "out"\n'))
+    (run,) = read_runs([write_csv(tmp_path / "a.csv", columns)], SIZE, out)[0]
+    assert (run.drive_unit, run.names) == ("N", ["tip"])
+    np.testing.assert_allclose(run.level, 2.0, rtol=1e-6)
+
+
+def test_what_is_taken_for_a_free_decay_says_how_a_drive_is_stated(tmp_path):
+    t, force, tip = dwelt()
+    driven = write_csv(tmp_path / "a.csv", {"time [s]": t, "foot [m/s2]": force, "tip [m/s2]": tip})
+    with pytest.raises(AnalysisError, match=r"role = 'drive' in --correct FILE.toml"):
+        analyse([driven])
 
 
 def test_page_of_decays_names_no_input(tmp_path, damping, few_laws, no_drawing):

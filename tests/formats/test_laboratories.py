@@ -25,6 +25,11 @@ CLOSE = 1e-5  # six printed digits
 FORCES = (0.5, 1.2, 2.6)
 
 
+def write_lines(path, lines):
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
 def close(record, truth, forces=FORCES):
     """The record holds the mode at each force, one sweep each."""
     assert len(record.sweeps) == len(forces)
@@ -34,6 +39,34 @@ def close(record, truth, forces=FORCES):
         np.testing.assert_allclose(rows["amplitude"], np.abs(truth.H) * force, rtol=CLOSE)
         if "phase" in rows:
             np.testing.assert_allclose(rows["phase"], truth.lag, atol=1e-4)  # degrees to three digits
+
+
+@pytest.mark.parametrize(
+    "hertz",
+    [(31.7, 31.7, 31.7, 31.7), (31.72, 31.70, 31.69, 31.66), (31.70, 31.71, 31.69, 31.70)],
+    ids=["one frequency", "falling", "scattered"],
+)
+def test_resonances_of_unlabelled_levels_are_a_sweep_each(tmp_path, imported, hertz):
+    """They were taken for one sweep, of which the largest row alone was used, or refused as mixed levels."""
+    forces, motions = (2.0, 4.0, 8.0, 16.0), (1.402, 2.486, 4.212, 6.835)
+    rows = zip(hertz, forces, motions, strict=True)
+    lines = ["Freq (Hz),Force (N),Disp (mm)", *(f"{f},{F},{A}" for f, F, A in rows)]
+    record, summary = imported(write_lines(tmp_path / "peaks.csv", lines))
+    assert list(record.sweeps) == [f"peaks {k}" for k in (1, 2, 3, 4)]
+    np.testing.assert_allclose(record.table["force"], forces)
+    np.testing.assert_allclose(record.table["amplitude"], np.array(motions) * 1e-3)
+    assert any("are a sweep each" in note for note in summary.notes)
+
+
+@pytest.mark.parametrize("force", [lambda f: f**2, lambda f: np.full(len(f), 2.0)], ids=["unbalance", "held"])
+def test_a_short_sweep_up_a_flank_stays_one(truth, tmp_path, imported, force):
+    """The force of an unbalance grows with its frequency, and the response with it."""
+    f, H = truth.f[10:18:2], np.abs(truth.H[10:18:2])
+    lines = [
+        "Freq (Hz),Force (N),Disp (m)",
+        *(f"{a},{F:.6g},{F * b:.6g}" for a, b, F in zip(f, H, force(f), strict=True)),
+    ]
+    assert imported(write_lines(tmp_path / "flank.csv", lines)).record.sweeps == ("flank",)
 
 
 @pytest.fixture(scope="session")

@@ -586,6 +586,22 @@ def test_what_is_not_read_is_named(tmp_path):
     assert list_skipped(records, cases) == ["ALSO.CSV", "alone.toml", "broken.csv", "further", "loop.csv"]
 
 
+def test_folders_as_a_campaign_writes_them_are_read(tmp_path):
+    """They were named as not read; a folder of gap comes first where a name is in both."""
+    for name in ("mode-1", "both"):
+        write_bytes(tmp_path / name / "record.csv", record_text(1).encode())
+        write_bytes(tmp_path / name / "mode.toml", MODE.encode())
+    write_bytes(tmp_path / "both" / "data.csv", record_text(2).encode())
+    write_bytes(tmp_path / "below" / "mode.toml", MODE.encode())  # shared by records there
+    cases = find_cases(tmp_path)
+    assert [(case.files, case.is_model) for case in cases] == [
+        (("both/data.csv", "both/model.toml"), True),
+        (("mode-1/record.csv", "mode-1/mode.toml"), False),
+    ]
+    assert next(task for task in tasks_of(cases, settings()) if task.name == "mode-1").model_text == MODE.encode()
+    assert list_skipped(tmp_path, cases) == []
+
+
 def test_one_mode_file_serves_every_record_without_its_own(tmp_path):
     """Unless it is that of a record ``mode.csv``; messages and keys follow the file that was taken."""
     records = _one(tmp_path)

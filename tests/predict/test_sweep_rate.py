@@ -10,7 +10,8 @@ from scipy.integrate import solve_ivp
 import damping as dp
 from damping import agreement
 from damping.effects import CATALOGUE
-from damping.predict.sweep_rate import as_steady, envelope, estimate_rate
+from damping.errors import AnalysisError
+from damping.predict.sweep_rate import as_steady, correct_rate, envelope, estimate_rate
 from damping.records import audit
 from damping.records.mode import Mode
 from damping.records.record import Record
@@ -99,6 +100,13 @@ def test_a_known_rate_is_a_fault_by_how_fast_it_is(bandwidths, verdicts):
     swept_record = Record(made.table.assign(sweep_rate=hertz * made.table["frequency"] / F_N), "made")
     found = audit(swept_record, Mode(name="made", frequency=F_N, mass=MASS)).findings
     assert {finding.check: finding.verdict for finding in found} == verdicts
+
+
+def test_a_sweep_that_left_few_rows_says_what_to_do():
+    f = np.array([19.9, 20.0, 20.1])
+    made = record({1.5: steady(1.5, f)}, f, np.random.default_rng(4)).table.assign(sweep_rate=2.0)
+    with pytest.raises(AnalysisError, match=r"has 3 frequencies .* 5 are needed to correct it; sweep slower, or dwell"):
+        correct_rate(Record(made, "made"), MASS)
 
 
 @pytest.fixture(scope="module")

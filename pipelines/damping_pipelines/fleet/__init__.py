@@ -69,7 +69,8 @@ def fleet(
         book = _Book(kept, out, _final(kept, out))
         if skipped := dataset.list_skipped(records, cases):
             names = format_joined(shorten(skipped))
-            print(f"damping: {records}: not read, as neither NAME.csv nor NAME/data.csv: {names}", file=sys.stderr)
+            kinds = "none of NAME.csv, NAME/record.csv and NAME/data.csv"
+            print(f"damping: {records}: not read, as {kinds}: {names}", file=sys.stderr)
         with progress("fleet", len(cases), each=True) as done:
             tasks = book.new(dataset.tasks_of(cases, settings), done)
             first = list(itertools.islice(tasks, 1))  # where nothing is left to do no cluster is started

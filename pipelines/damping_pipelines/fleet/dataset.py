@@ -72,7 +72,7 @@ class FleetCase:
     @property
     def files(self) -> tuple[str, str]:
         """Record and mode as messages name them, which a reader finds under the folder of records."""
-        inside = f"{self.name}/" if self.is_model else ""
+        inside = f"{self.name}/" if self.entry != self.record.name else ""
         return inside + describe_shown(self.record.name), inside + describe_shown(self.model.name)
 
 
@@ -115,10 +115,11 @@ class FleetResult:
 
 
 def find_cases(folder: Path) -> list[FleetCase]:
-    """Records ``NAME.csv`` with ``NAME.toml`` or else ``SHARED_MODE``, and ``NAME/data.csv`` with ``NAME/model.toml``.
+    """Records ``NAME.csv`` with ``NAME.toml`` or else ``SHARED_MODE``, and those in folders of their own.
 
-    They are in the order of their names. A record without a mode is listed too, and fails for that reason; that of a
-    record ``mode.csv`` is not shared. InputError: no record.
+    These are ``NAME/data.csv`` with ``NAME/model.toml``, as of ``gap``, else ``NAME/record.csv`` with
+    ``NAME/mode.toml``, as of a campaign. They are in the order of their names. A record without a mode is listed too,
+    and fails for that reason; that of a record ``mode.csv`` is not shared. InputError: no record.
     """
     if not folder.is_dir():
         raise InputError("no such folder", file=folder, expected="a folder of records")
@@ -126,17 +127,19 @@ def find_cases(folder: Path) -> list[FleetCase]:
     is_shared = shared.is_file() and not shared.with_suffix(".csv").exists()
     for entry in os.scandir(folder):
         path = Path(entry.path)  # whose questions, unlike those of the entry, a link to itself answers with no
-        data, model = path / "data.csv", path / "model.toml"
+        data, model, record = path / "data.csv", path / "model.toml", path / "record.csv"
         if path.is_dir() and (data.exists() or model.exists()):
             cases.append(FleetCase(describe_shown(entry.name), entry.name, data, model, True))
+        elif path.is_dir() and record.exists():
+            cases.append(FleetCase(describe_shown(entry.name), entry.name, record, path / SHARED_MODE, False))
         elif entry.name.endswith(".csv") and path.is_file():
             own = path.with_suffix(".toml")
             mode = shared if is_shared and not os.path.lexists(own) else own
             cases.append(FleetCase(describe_shown(entry.name[:-4]), entry.name, path, mode, False))
     if not cases:
-        expected = "NAME.csv with NAME.toml or mode.toml, or NAME/data.csv with NAME/model.toml"
+        expected = "NAME.csv with NAME.toml or mode.toml, NAME/record.csv with mode.toml, NAME/data.csv with model.toml"
         raise InputError("holds no record", file=folder, expected=expected)
-    return sorted(cases, key=lambda case: (case.name, case.is_model))
+    return sorted(cases, key=lambda case: (case.name, case.entry))
 
 
 def list_skipped(folder: Path, cases: Collection[FleetCase]) -> list[str]:

@@ -35,6 +35,9 @@ _ELSEWHERE = 0.08  # largest relative difference between the frequencies of a pe
 REACH = 30.0  #: amplitudes are predicted up to this factor above and below those of the test
 _ALONG = 200  # amplitudes at which readings are tabulated along the backbone
 
+#: How a drive is stated that is not found by its name.
+DRIVEN = "role = 'drive' in --correct FILE.toml"
+
 #: Largest amplitude of each run, cautions, record of a mode of mass 1, and the mode.
 FittedDecay: TypeAlias = tuple[FloatArray, tuple[str, ...], Record, Mode]
 
@@ -69,7 +72,8 @@ def decay_modes(
     names = runs[0].names
     kinds = {channel.quantity for run in runs for channel in run.channels}
     if len(kinds) > 1:
-        raise InputError(f"sensors of {' and '.join(sorted(kinds))}", expected="sensors of one quantity")
+        expected = f"sensors of one quantity, or the drive, if there was one: {DRIVEN}"
+        raise InputError(f"free decays of {' and '.join(sorted(kinds))}", expected=expected)
     order = ORDERS[kinds.pop()]
     motions = []  # times (n,) and motions (sensors, n) in SI, each about its mean, of each run
     for run in runs:
@@ -88,7 +92,7 @@ def decay_modes(
         reference = int(np.argmax(np.where(kept, np.abs(shape), 0.0)))
         modes.append(DecayMode(reference, np.where(kept, shape, np.nan), sd, tops, left_out, cautions, record, mode))
     if not modes:
-        raise AnalysisError("; ".join(unusable.values()))
+        raise AnalysisError(f"{'; '.join(unusable.values())}; if a drive acted, say which channel is that: {DRIVEN}")
     if summary is not None:
         for note in list_unused(unused | unusable):
             summary.note(note)

@@ -5,9 +5,10 @@ one file per run; a table of steady states in one file or sweep. A drive in time
 file of any size takes the memory of a block.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from hashlib import sha256
+from math import prod
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from damping.formats.columns import open_table
 from damping.formats.headers import ROLE_NAMES, find_abscissa_factor
 from damping.formats.levels import find_level
 from damping.formats.quantity import unit
+from damping.formats.sampling import split
 from damping.formats.series import Stated, Summary
 from damping.records.text import is_binary, name_apart, read_start
 from damping.signals.windows import UNEVEN
@@ -114,7 +116,9 @@ def _read(source: Source) -> list[CampaignRun]:
             source.refuse_columns()
             return _list_channel_runs(source, kind, contents)
         is_table = kind == "tdms" or source.facts.columns
-        return read_table_runs(source) if is_table else _list_group_runs(source, contents)
+        return read_table_runs(source) if is_table else _list_group_runs(source, kind, contents)
+    if kind in ("mat5", "mat73") and not source.facts.columns:
+        return _list_group_runs(source, kind, read_arrays(source.file, kind, [], None, rows=(0, 1)))
     if kind == "uff":
         return list_function_runs(source)
     start = read_start(source.file, LOOKED_AT)
@@ -122,34 +126,53 @@ def _read(source: Source) -> list[CampaignRun]:
     return [read_table(source, table)] if table and is_of_time(table.headers) else read_table_runs(source)
 
 
-def _list_group_runs(source: Source, contents: Arrays) -> list[CampaignRun]:
-    """Runs of an HDF5 file of plain arrays: groups with times and a drive, tracked, and tables against frequency."""
+def _list_group_runs(source: Source, kind: str, contents: Arrays) -> list[CampaignRun]:
+    """Runs of a file of plain arrays: groups with times and a drive, tracked, and tables against frequency.
+
+    If all groups with times have no drive, and there are no tables, they are free decays.
+    """
     groups: dict[str, dict[str, str]] = {}
     for path in contents.known:
-        group, _, leaf = path.rpartition("/")
-        groups.setdefault(group, {})[leaf] = path
-    runs, has_spectra = [], False
+        *above, leaf = path.split("/") if kind == "hdf5" else split(path)
+        groups.setdefault("/".join(above), {})[leaf] = path
+    runs, decays, has_spectra = [], [], False
     for group, paths in groups.items():
         names = {role: [leaf for leaf in paths if leaf.lower() in ROLE_NAMES[role]] for role in ("frequency", "time")}
         has_spectra |= bool(names["frequency"] and any(map(source.stated.is_drive, paths)))
         if names["frequency"] or not names["time"]:
             continue
         t = paths[names["time"][0]]
-        like = {leaf: path for leaf, path in paths.items() if contents.known[path] == contents.known[t]}
+        n = prod(contents.known[t])
+        like = {leaf: path for leaf, path in paths.items() if prod(contents.known[path]) == n}
         if drive := source.stated.choose_drive(group or source.file.stem, dict.fromkeys(like, "")):
-            runs.append(_track_group(source, group, t, drive, list(like.values())))
+            runs.append(_track_group(source, kind, group, t, drive, like))
+        elif len(like) > 1:
+            decays.append((group, t, like))
+    if not (runs or has_spectra) and decays:
+        return [_read_decay(source, kind, *decay) for decay in decays]
     return runs + read_table_runs(source) if has_spectra or not runs else runs
 
 
-def _track_group(source: Source, group: str, t: str, drive: str, paths: Sequence[str]) -> CampaignRun:
-    """The run of a group with times (at the path ``t``), a drive and responses of one length."""
-    first = read_arrays(source.file, "hdf5", paths, None, rows=(0, 1000))
+def _read_decay(source: Source, kind: str, group: str, t: str, paths: Mapping[str, str]) -> CampaignRun:
+    """The free decay of a group with times (at the path ``t``) and motions of one length, by name."""
+    whole = read_arrays(source.file, kind, list(paths.values()), source.most)
+    arrays = {path: values[0].real.reshape(-1) for path, values in whole.arrays.items()}
+    times = arrays[t] * find_abscissa_factor("time", whole.units.get(t, ""))
+    motions = {name: path for name, path in paths.items() if path != t}
+    units = [(name, whole.units.get(path, "")) for name, path in motions.items()]
+    source.require_units(units)
+    return source.make_decay(group or source.file.stem, times, units, [arrays[path] for path in motions.values()])
+
+
+def _track_group(source: Source, kind: str, group: str, t: str, drive: str, paths: Mapping[str, str]) -> CampaignRun:
+    """The run of a group with times (at the path ``t``), a drive and responses of one length, by name."""
+    first = read_arrays(source.file, kind, list(paths.values()), None, rows=(0, 1000))
     step = np.diff(first.arrays[t][0].real.reshape(-1)) * find_abscissa_factor("time", first.units.get(t, ""))
     if not len(step) or not np.all(np.abs(step / np.mean(step) - 1.0) < UNEVEN):
         raise InputError(f"{t} is not evenly spaced", expected="one step throughout, rising")
-    units = {path: first.units.get(path, "") for path in paths if path != t}
-    blocks = read_blocks(source.file, "hdf5", list(units), max(SAMPLES // len(units), 1), together=False)
-    named = [(path.rpartition("/")[2], text) for path, text in units.items()]
+    taken = {name: path for name, path in paths.items() if path != t}
+    blocks = read_blocks(source.file, kind, list(taken.values()), max(SAMPLES // len(taken), 1), together=False)
+    named = [(name, first.units.get(path, "")) for name, path in taken.items()]
     return source.track(group or source.file.stem, named, drive, float(np.mean(step)), blocks)
 
 

@@ -116,9 +116,8 @@ class Source:
         stated, place, limits = self.stated.of(drive), [name for name, _ in units].index(drive), Limits()
         self.channels.add(drive)
         text = self.find_unit(drive, "force", units[place][1])
-        if not text:
-            expected = "a unit in its header, such as force [N], in --unit force=N or in --correct FILE.toml"
-            raise InputError("the drive has no unit", file=self.file, column=drive, expected=expected)
+        self._require_unit("the drive", drive, text, "force [N]", "force=N")
+        self.require_units([pair for pair in units if pair[0] != drive])
         try:
             tracked = track_sine(limits.watch(blocks), place, step)
         except AnalysisError as error:
@@ -134,6 +133,19 @@ class Source:
         run = CampaignRun(label, None, text, tracked.frequency[order], size, channels, rate=tracked.rate[order])
         named = zip((name for name, _ in units), limits.found, strict=True)
         return self.set_level(self.leave_clipped(dict(named), run), label)
+
+    def require_units(self, units: Iterable[NamedUnit]) -> None:
+        """Raise InputError for the first sensor without a unit, in the file or stated, that is not to be left out."""
+        for name, text in units:
+            if self.stated.of(name).role != "out":
+                self._require_unit(
+                    "a sensor", name, self.find_unit(name, "response", text), "tip [m/s^2]", "response=m/s^2"
+                )
+
+    def _require_unit(self, what: str, name: str, text: str, such: str, option: str) -> None:
+        if not text:
+            expected = f"a unit in its header, such as {such}, in --unit {option} or in --correct FILE.toml"
+            raise InputError(f"{what} has no unit", file=self.file, column=name, expected=expected)
 
     def make_decay(
         self, label: str, t: FloatArray, units: Sequence[NamedUnit], samples: Sequence[FloatArray]
@@ -199,7 +211,7 @@ def read_table(source: Source, start: TextTable) -> CampaignRun:
     columns = [k for k, header in enumerate(headers) if header.text and k != time]
     units = [(headers[k].name, headers[k].unit) for k in columns]
     factor = find_abscissa_factor("time", headers[time].unit)
-    drive = next((header.name for header in headers if source.stated.is_drive(header.name)), None)
+    drive = source.stated.choose_drive(source.file.stem, dict(units))
     if drive:
         blocks = _list_table_blocks(source, start.layout, [time, *columns])
         return _track_table(source, units, drive, factor, blocks)

@@ -126,7 +126,7 @@ def parse_header(text: str) -> ColumnHeader:
     if within and (letter := _LETTER.fullmatch(name)):  # arms [g], vpp [V]
         name, first = letter["letter"], _name_scaling(letter)
     known = name.lower() in _KNOWN_NAMES  # other names may be of sensors: roof N, roof pk
-    scaling = inner or last or first or _name_scaling(SCALING_WITHIN.search(title))
+    scaling = inner or last or first or _name_scaling(SCALING_WITHIN.search(title)) or _find_joined(title)
     title = title if within or match else text.strip()
     return ColumnHeader(text, name if known else title, within, scaling, title)
 
@@ -136,7 +136,8 @@ def _split_bare_unit(text: str) -> tuple[str, str]:
     for mark in _BEFORE_UNIT.finditer(text) if text.lower() not in _KNOWN_NAMES else ():
         title, within = text[: mark.start()], text[mark.end() :]
         name = _take_scaling(title, apart=True)[0].lower()
-        if (name in _KNOWN_NAMES or mark[0].strip() in ("/", ",")) and _is_unit(name, within):
+        alone, _ = _take_scaling(within, apart=False)  # grms, Npk
+        if (name in _KNOWN_NAMES or mark[0].strip() in ("/", ",")) and alone and _is_unit(name, alone):
             return title, within
     return text, ""
 
@@ -159,6 +160,12 @@ def _take_scaling(text: str, *, apart: bool) -> tuple[str, str | None]:
     if scaled is None or (apart and not (scaled["apart"] and scaled.start())):
         return text, None
     return text[: scaled.start()].strip(), _name_scaling(scaled)
+
+
+def _find_joined(title: str) -> str | None:
+    """The scaling that the last word of a name joins to a unit: ``rms`` of ``Acc tip grms``."""
+    alone, scaling = _take_scaling(re.split(r"[\s_]", title)[-1], apart=False)
+    return scaling if alone and any(find_powers(alone) or ()) else None
 
 
 def _name_scaling(scaled: re.Match[str] | None) -> str | None:

@@ -1,5 +1,6 @@
 """Sweeps of a table: split by labels, or by where the frequency restarts, turns or is in no order; and joined again.
 
+A table without labels of one row for each force level, its resonance, has a sweep in every row.
 Rows taken again, closer together, about a resonance join the sweep of their level that they agree with.
 """
 
@@ -7,12 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import accumulate
-from math import inf, isfinite
+from math import inf, isfinite, log
 
 import numpy as np
 
 from damping.arrays import BoolArray, FloatArray, IntArray
 from damping.formats.series import Samples, Series, Summary
+from damping.records.mixed_levels import GROWS, GROWS_AS_FORCE, LEVEL, PEAKS_IN_PHASE
 from damping.records.resonance import number_levels
 
 #: A new sweep begins where the frequency goes back by more than this share of the range that its sweep has covered.
@@ -21,6 +23,11 @@ _RESTART = 0.5
 _FEWEST_ROWS = 4
 #: Share of rows at which the frequency turns, from which they are in no order: two thirds turn in a random one.
 _DISORDER = 0.5
+#: Fewest rows, each a resonance, that show how the response grows with force; of two, one may be any row of a sweep.
+_FEWEST_RESONANCES = 3
+#: Range of the frequencies of resonances over that of their forces, both in the logarithm; of a force that grows with
+#: the frequency squared, as that of an unbalance, it is a half.
+_STAYS = 0.1
 #: Fewest steps from row to row on which that is judged: in fewer, chance alone turns as many.
 _FEWEST_IN_DISORDER = 12
 
@@ -31,7 +38,10 @@ def list_sweeps(whole: Series, labels: Sequence[str] | None, summary: Summary) -
         labels = list(accumulate(labels, _keep_above))
     elif not whole.is_time:
         cuts, rows = _cuts(whole.abscissa, whole.force), range(len(whole.abscissa))
-        if (levels := _find_levels_in_disorder(whole)) is not None:
+        if _are_resonances(whole):
+            summary.note(f"{len(rows)} rows, each of another force and about one frequency, are a sweep each")
+            labels = [f"{whole.label} {row + 1}" for row in rows]
+        elif (levels := _find_levels_in_disorder(whole)) is not None:
             summary.note(f"rows in no order of frequency are sorted into {int(levels.max()) + 1} sweeps by their force")
             labels = [f"{whole.label} {level + 1}" for level in levels]
         elif cuts:
@@ -90,6 +100,29 @@ def _find_levels_in_disorder(whole: Series) -> IntArray | None:
         return None
     levels = number_levels(size * np.ones(len(whole.abscissa)))
     return levels if levels.max() > 0 and (levels.max() + 1) * _FEWEST_ROWS <= len(levels) else None
+
+
+def _are_resonances(whole: Series) -> bool:
+    """Whether every row is the resonance of another force level: all forces differ, the response grows with them, and
+    the frequency hardly moves; if it moves one way, as in a sweep, the response grows as in none. Phases, where known,
+    are nearly equal.
+    """
+    f, n = whole.abscissa, len(whole.abscissa)
+    if whole.force is None or n < _FEWEST_RESONANCES or len(whole.force) != n:
+        return False
+    order = np.argsort(np.abs(whole.force), kind="stable")
+    force, response = np.abs(whole.force)[order], np.abs(whole.response)[order]
+    if not (np.isfinite(f * force * response).all() and min(f.min(), force[0], response.min()) > 0.0):
+        return False
+    apart, grown, way = np.diff(np.log(force)), np.diff(np.log(response)), np.sign(np.diff(f))
+    if not np.all((apart > log(LEVEL)) & (grown > GROWS * apart)):
+        return False
+    if log(f.max() / f.min()) > _STAYS * apart.sum():
+        return False
+    if way.any() and np.ptp(way) < 2.0 and grown.sum() < GROWS_AS_FORCE * apart.sum():
+        return False
+    turned = np.angle(whole.response / whole.force / (whole.response[0] / whole.force[0]))
+    return not whole.has_phase or bool(np.ptp(turned) < PEAKS_IN_PHASE)
 
 
 def _restarts(passed: FloatArray, onward: FloatArray) -> bool:

@@ -23,7 +23,10 @@ from damping.formats.series import MOST_SWEEPS, Samples, Stated, Summary
 from damping.formats.workbook import list_sheets
 from damping.records.text import describe_shortened, read_bytes
 
-_EXPECTED = "a column of time beside motions, or frequency, drive and responses (--column frequency=NAME)"
+_EXPECTED = (
+    "frequency, drive and responses (--column frequency=NAME), or a column of time beside motions "
+    "(CSV, MAT, HDF5, TDMS, UFF)"
+)
 
 
 @dataclass(frozen=True)

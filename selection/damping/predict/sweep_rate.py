@@ -114,7 +114,8 @@ def _tabulate_corrected(rows: pd.DataFrame, mass: float) -> pd.DataFrame:
     w = RAD_S_PER_HZ * rows["frequency"].to_numpy(dtype=float)
     at, place, count = np.unique(w, return_inverse=True, return_counts=True)
     if len(at) < _FEWEST:
-        raise AnalysisError(f"sweep {rows['sweep'].iloc[0]!r} has {len(at)} frequencies: its slope is not known")
+        what = f"sweep {rows['sweep'].iloc[0]!r} has {len(at)} frequencies at its resonance and moves too fast"
+        raise AnalysisError(f"{what}: {_FEWEST} are needed to correct it; sweep slower, or dwell")
     size, lag = (rows[name].to_numpy(dtype=float) for name in ("amplitude", "phase"))
     logarithm = np.log(size) - 1j * np.unwrap(lag)  # smoother than a itself about a peak
     a = np.exp(logarithm)
