@@ -26,7 +26,8 @@ from damping.gap.weighing import KNOWN
 from damping.infer.discrepancy import LIKELY, JointEvidence
 from damping.predict.steady import phase_resonance
 from damping.progress import Progress, silent, unknown_length
-from damping.ranking.verdict import FEWEST_ROWS, FitVerdict
+from damping.ranking.along_sweeps import FEWEST_ROWS
+from damping.ranking.verdict import FitVerdict
 from damping.records import Audit
 from damping.records.mode import Mode
 from damping.records.record import Record

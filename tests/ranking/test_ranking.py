@@ -21,6 +21,7 @@ from damping.infer.law import Coordinates, Law
 from damping.infer.likelihood import log_likelihood
 from damping.infer.observations import observe
 from damping.ranking import NEGLIGIBLE, prior_masses, rank_laws, weigh_laws
+from damping.ranking.along_sweeps import count_together
 from damping.ranking.candidates import MOST_FOLDS, candidate_laws, held_out_errors, percent_errors
 from damping.ranking.verdict import fit_probability, judge_fit
 from damping.records.record import Record
@@ -316,6 +317,44 @@ def test_verdict_on_clean_records_and_on_noise(seed, peaks, laws):
     assert clean.p_value > 0.01 > noise.p_value
 
 
+@pytest.fixture
+def smoothly_read(swept):
+    """Sweeps of structural damping, 120 rows each; readings deviate by 1 %, neighbours correlated by rho (AR(1))."""
+
+    def read(rho: float, seed: int) -> Record:
+        rng = np.random.default_rng(seed)
+        table = swept(make("displacement", coefficient=15.0), np.array([1.0, 2.0, 4.0]), rows=120).table
+        steps = np.sqrt(1.0 - rho**2) * rng.standard_normal((2, len(table)))
+        steps[:, ::120] = rng.standard_normal((2, 3))  # each sweep begins anew, in the steady state
+        for previous, row in pairwise(range(len(table))):
+            steps[:, row] += rho * steps[:, previous] if row % 120 else 0.0
+        errors = 0.01 * steps
+        read = {"amplitude": table["amplitude"] * np.exp(errors[0]), "phase": table["phase"] + errors[1]}
+        return Record(table.assign(**read))
+
+    return read
+
+
+@pytest.mark.parametrize(("rho", "low", "high"), [(0.0, 1.0, 1.0), (0.6, 2.5, 6.0), (0.9, 6.0, 25.0)])
+def test_rows_that_deviate_together_count_as_fewer(smoothly_read, rho, low, high):
+    """Of AR(1) errors (1 + rho)/(1 - rho) rows count as one: 1, 4 and 19; fits take up the slowest part of errors."""
+    for seed in range(3):
+        data = observe(smoothly_read(rho, seed))
+        assert low <= count_together(fit_law(Law.named("displacement"), data), data) <= high
+
+
+@pytest.mark.parametrize("seed", [9, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 9))])
+def test_smooth_errors_do_not_make_a_wrong_law_certain(smoothly_read, laws, seed):
+    """With errors of correlation .9 the true law keeps its weight, and its interval the coefficient.
+
+    As independent rows, those of seed 9 give it a weight of .001.
+    """
+    ranking = rank_laws(observe(smoothly_read(0.9, seed)), laws=laws, hold_out=False)
+    found = ranking.find(Law.named("displacement"))
+    assert found.weight > 0.5
+    assert found.coefficients[0].low < 15.0 < found.coefficients[0].high
+
+
 def test_verdict_on_a_misfit_along_the_sweeps(swept_misfit, laws):
     """Whole sweeps whose damping departs from any law by 15 % with amplitude, at 1 % of noise: none fits."""
     assert rank_laws(observe(swept_misfit(0.15, 0.01)), laws=laws, hold_out=False).fit.verdict == "none fits"
@@ -331,7 +370,8 @@ def test_a_smooth_misfit_that_a_law_may_leave_is_said(swept_misfit, noise, state
     if stated:
         table = table.assign(amplitude_sd=stated * table["amplitude"], phase_sd=stated)
     found = rank_laws(observe(Record(table)), laws=laws, hold_out=False).fit
-    said = re.fullmatch(r".* fits but for a smooth misfit of (\S+) % along the sweeps: .*", found.sentence)
+    told = r"rows of a sweep deviate from .* together, by (\S+) %: .* one row in (\S+) counts as independent"
+    said = re.fullmatch(told, found.sentence)
     assert found.verdict == "fits"
     assert bool(said) == (noise == 0.002 and not stated), found.sentence
     # the laws take up some of a wave of 3 % / sqrt(2), and rows off resonance see the damping less

@@ -138,8 +138,8 @@ class Balanced:
 
     @cached_property
     def _per_level(self) -> float:
-        """Mean over levels of 1/(number of rows)."""
-        return float(np.mean(1.0 / self.data.rows_per_sweep))
+        """Mean over levels of 1/(number of independent rows)."""
+        return float(np.mean(self.data.together / self.data.rows_per_sweep))
 
     @cached_property
     def _known(self) -> float:

@@ -12,9 +12,13 @@ uncertainties are added in quadrature. A sweep's resonance scatters as a whole b
 its rows by h = g / sqrt(g^2 + R^2):
 
     cov(n) = diag(s^2) + level_scatter^2 h h^T   within a sweep.
+
+Where rows of a sweep deviate together (``Observations.together``), the log likelihood of rows given the level is
+divided by the number that counts as one (a composite likelihood; Varin, Reid and Firth 2011).
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -131,7 +135,8 @@ def sum_rows(
         sums = [_sum_over(n * n, variance, data)]
         if coordinates.with_level_scatter or coordinates.with_discrepancy:
             sums += [_sum_over(h * h, variance, data), _sum_over(h * n, variance, data)]
-    return np.vstack([value, *(of.T for of in sums)])
+    stacked = np.vstack([value, *(of.T for of in sums)])
+    return stacked if data.together == 1.0 else stacked / data.together
 
 
 def weigh_levels(
@@ -167,6 +172,7 @@ def measure_misfit(x: FloatArray, coordinates: Coordinates, data: Observations) 
 
     If the law holds and errors are normal, it is chi-square with as many degrees of freedom as there are rows.
     """
+    data = replace(data, together=1.0)
     row, level = coordinates.scatter(x)
 
     def weigh(points: slice) -> FloatArray:

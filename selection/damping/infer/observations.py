@@ -43,6 +43,8 @@ class Observations(SweepRows):
     tested_omega: FloatArray  #: there, rad/s, (sweeps,)
     amplitude_is_input: bool = False  #: amplitudes were given and forces follow from them, as in a free decay
     read_between: bool = False  #: sd_amplitude is the error of reading between rows alone: the record states none
+    #: rows of a sweep that count as one independent row in a likelihood, since their errors are alike
+    together: float = 1.0
     #: generalized mass that the record gives for each sweep, NaN for those without; None without any
     tested_mass: FloatArray | None = None
     #: known mass added to the structure for each sweep; None where nothing is known

@@ -23,6 +23,7 @@ from damping.infer.importance import Evidence
 from damping.infer.law import Coordinates, Law
 from damping.infer.observations import Observations
 from damping.progress import nothing
+from damping.ranking.along_sweeps import count_together
 from damping.ranking.candidates import (
     Coefficient,
     candidate_laws,
@@ -134,6 +135,7 @@ def rank_laws(
     AnalysisError: no candidate could be fitted.
     """
     ranking = weigh_laws(data, seed, candidate_laws() if laws is None else laws, done, estimate)
+    data = ranking.data  # which tells how many rows count as one
     ranked = [row for row in ranking.candidates if row.rank]
     held_out = _hold_levels_out([row.law for row in ranked], data) if hold_out else [(np.nan, ())] * len(ranked)
     drawn = [_draw(row, data, seed, power_draws) for row in ranked]
@@ -152,6 +154,9 @@ def weigh_laws(
     fits, failed = _fit_laws(laws, data)
     for row in failed:
         done(row.name)
+    if fits:
+        closest = min(fits, key=lambda fit: fit.squares)
+        data = replace(data, together=count_together(closest, data))
     groups = group_equivalents(fits, data) if fits else []
     rows = _weigh(groups, data, seed, done, estimate)
     ranked = sorted((row for row in rows if np.isfinite(row.score)), key=lambda row: row.score)

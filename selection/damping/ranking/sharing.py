@@ -91,6 +91,7 @@ def read_rows(table: pd.DataFrame) -> Observations:
         tested_omega=RAD_S_PER_HZ * of_sweep["tested_frequency"].to_numpy(),
         amplitude_is_input=bool(table["decay"].any()),
         read_between=False,  # only a verdict of fit asks
+        together=1.0,  # only evidence asks
         **{field: table[name].to_numpy(float) for name, field in _OF_ROWS.items()},
         **{name: of_sweep[name].to_numpy() for name in _OF_SWEEPS},
     )

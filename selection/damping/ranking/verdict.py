@@ -17,13 +17,14 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.special import chdtrc, fdtrc, ndtr
+from scipy.special import chdtrc, fdtrc
 
-from damping.arrays import RAD_S_PER_HZ, FloatArray, Floats, IntArray
+from damping.arrays import RAD_S_PER_HZ, FloatArray, Floats
 from damping.infer.best_fit import BestFit, fit_law
 from damping.infer.law import SCATTER_LOG_SD, SCATTER_MEDIAN
 from damping.infer.likelihood import residuals
 from damping.infer.observations import Observations
+from damping.ranking.along_sweeps import measure_roughness, misfit_along_sweeps, runs_probability
 from damping.ranking.candidates import NOISE_RANGE
 from damping.records.text import describe_p, per_cent
 
@@ -39,18 +40,9 @@ FAR_ABOVE = 100.0
 #: Root mean square misfit, relative amplitude, above which few runs count against a law: laws of a few terms leave as
 #: much on real structures.
 SYSTEMATIC = 0.04
-#: Fewest rows of a sweep for second differences and runs.
-FEWEST_ROWS = 6
-#: Second differences of white noise have six times its variance and, being correlated, two thirds of their number in
-#: degrees of freedom.
-DIFFERENCE_VARIANCE = 6.0
-DIFFERENCE_FREEDOM = 2.0 / 3.0
 #: Largest noise of one row, relative amplitude, that can excuse a law: rows of a resonance do not differ by more from
 #: their neighbours. A uniform phase has .9.
 ROUGHEST = 0.2
-#: Misfit along the sweeps over the scatter from row to row, above which it is said to be smooth if runs are few too:
-#: it then has at least the variance of that scatter.
-SMOOTH = 1.5
 UNDERSTATED = 2.0  #: scatter from row to row over the stated noise, above which the stated noise is questioned
 #: Levels lie apart where they scatter by this many times the noise of one row: so do 1 of 325 sweeps of structures in
 #: and out of the library with exact levels (with the next condition) ...
@@ -73,8 +65,9 @@ class FitVerdict:
     level_caution: str = ""
     #: scatter from row to row over the stated noise, if the law fits and it exceeds ``UNDERSTATED``; else 0
     rough: float = 0.0
-    #: root mean square misfit along the sweeps, per cent, if the law fits but misses rows smoothly (``SMOOTH``); else 0
+    #: root mean square misfit along the sweeps, per cent, if the law fits but rows deviate together; else 0
     smooth: float = 0.0
+    together: float = 1.0  #: rows that count as one in weights and intervals, since they deviate together
     law: str = ""  #: name of the leading law
     other: str = ""  #: where the verdict is ``poor``, name of the first law after it that fits
     #: whether weights, and so the leading law, are those of the resonances alone: on all rows another law may lead
@@ -95,8 +88,8 @@ class FitVerdict:
         }
         rough = f"rows scatter along the sweeps by {self.rough:.2g} times the stated noise: check that noise"
         smooth = (
-            f"{self.law} fits but for a smooth misfit of {per_cent(self.smooth)} % along the sweeps: weights and"
-            " intervals, which count rows as independent, are too certain"
+            f"rows of a sweep deviate from {self.law} together, by {per_cent(self.smooth)} %: in weights and intervals"
+            f" one row in {self.together:.2g} counts as independent"
         )
         further = [rough if self.rough else "", smooth if self.smooth else ""]
         return "; ".join(filter(None, [verdicts[self.verdict], self.level_caution, *further]))
@@ -113,10 +106,11 @@ def judge_fit(leader: BestFit, others: Iterable[BestFit], data: Observations, se
     misfit = 100.0 * float(np.sqrt(np.mean(leader.n**2)))
     levels = _describe_levels_apart(leader, data) or _describe_hidden_offset(leader, others, data)
     apart = [levels, _describe_peak(data) if verdict == "none fits" else ""]
-    rough, smooth = 0.0, 0.0
-    if verdict == "fits":
-        rough, smooth = _compare_with_stated(leader, data), _measure_smooth_misfit(leader, data)
-    return FitVerdict(verdict, p, misfit, "; ".join(filter(None, apart)), rough, smooth, leader.law.name, other)
+    rough = _compare_with_stated(leader, data) if verdict == "fits" else 0.0
+    along = misfit_along_sweeps(leader, data) if verdict == "fits" and data.together > 1.0 else np.zeros(1)
+    smooth = 100.0 * float(np.sqrt(np.mean(along**2)))
+    said = "; ".join(filter(None, apart))
+    return FitVerdict(verdict, p, misfit, said, rough, smooth, data.together, leader.law.name, other)
 
 
 def fit_probability(fit: BestFit, data: Observations, seed: int = 0) -> float:
@@ -125,7 +119,7 @@ def fit_probability(fit: BestFit, data: Observations, seed: int = 0) -> float:
         return 0.0
     tests = [_size_probability(fit, data, seed)]
     if np.sqrt(np.mean(fit.n**2)) > SYSTEMATIC:
-        tests.append(_runs_probability(fit.n, data))
+        tests.append(runs_probability(fit.n, data))
     return float(min(1.0, len(tests) * min(tests)))
 
 
@@ -137,7 +131,7 @@ def _size_probability(fit: BestFit, data: Observations, seed: int) -> float:
     level = SCATTER_MEDIAN * np.exp(SCATTER_LOG_SD * rng.standard_normal(DRAWS))
     stated = (known > 0.0) & (not data.read_between)
     variance = known + np.where(stated, 0.0, row[:, None] ** 2)
-    roughness, differences = _measure_roughness(n, data)
+    roughness, differences = measure_roughness(n, data)
     if differences > 0.0:  # scaled inverse chi-square
         rough = np.minimum(roughness**2 * differences / rng.chisquare(differences, DRAWS), ROUGHEST**2)
         variance = np.maximum(variance, rough[:, None])
@@ -212,7 +206,7 @@ def _describe_levels_apart(fit: BestFit, data: Observations) -> str:
     rows.
     """
     n, h, _ = residuals(fit.force, data)
-    noise = _measure_roughness(n, data)[0]
+    noise = measure_roughness(n, data)[0]
     if len(data.sweeps) < FEWEST_LEVELS or not noise > 0.0:
         return ""
     off = -np.bincount(data.sweep, h * n) / np.maximum(np.bincount(data.sweep, h * h), 1e-300)
@@ -242,50 +236,8 @@ def _describe_peak(data: Observations) -> str:
     )
 
 
-def _measure_roughness(n: FloatArray, data: Observations) -> tuple[float, float]:
-    """Noise of one row from second differences of ``n`` along each sweep, and its degrees of freedom (0: none)."""
-    differences = [np.diff(n[rows], 2) for rows in _list_along_sweeps(data)]
-    if not differences:
-        return np.nan, 0.0
-    every = np.concatenate(differences)
-    return float(np.sqrt(np.mean(every**2) / DIFFERENCE_VARIANCE)), DIFFERENCE_FREEDOM * len(every)
-
-
 def _compare_with_stated(fit: BestFit, data: Observations) -> float:
     """Noise of one row from second differences over the stated noise, if above ``UNDERSTATED``; else 0."""
     n, _, known = residuals(fit.force, data)
-    ratio, differences = _measure_roughness(n / np.sqrt(known), data) if np.all(known > 0.0) else (0.0, 0.0)
+    ratio, differences = measure_roughness(n / np.sqrt(known), data) if np.all(known > 0.0) else (0.0, 0.0)
     return ratio if differences and ratio > UNDERSTATED else 0.0
-
-
-def _measure_smooth_misfit(fit: BestFit, data: Observations) -> float:
-    """Root mean square misfit along the sweeps, per cent, where it is smooth; else 0.
-
-    The gains of levels are left free, and the stated noise explains as much. In a decay errors are smooth by nature.
-    """
-    n, h, known = residuals(fit.force, data)
-    gain = np.bincount(data.sweep, h * n) / np.maximum(np.bincount(data.sweep, h * h), 1e-300)
-    along = n - gain[data.sweep] * h
-    noise, differences = _measure_roughness(along, data)
-    size = float(np.sqrt(np.mean(along**2)))
-    if data.amplitude_is_input or not differences or size < SMOOTH * max(noise, float(np.sqrt(np.mean(known)))):
-        return 0.0
-    return 100.0 * size if _runs_probability(along, data) < UNLIKELY else 0.0
-
-
-def _runs_probability(n: FloatArray, data: Observations) -> float:
-    """Probability of as few runs of one sign about each sweep's median, by normal approximation; 1 without sweeps."""
-    excess = variance = 0.0
-    for rows in _list_along_sweeps(data):
-        above = n[rows] > np.median(n[rows])
-        plus, total = float(above.sum()), float(len(above))
-        minus = total - plus
-        mean = 1.0 + 2.0 * plus * minus / total
-        excess += 1.0 + float(np.sum(above[1:] != above[:-1])) - mean
-        variance += (mean - 1.0) * (mean - 2.0) / (total - 1.0)
-    return float(ndtr(excess / np.sqrt(variance))) if variance > 0.0 else 1.0
-
-
-def _list_along_sweeps(data: Observations) -> list[IntArray]:
-    """Indices of the rows of each sweep with at least ``FEWEST_ROWS``, by frequency."""
-    return [run[np.argsort(data.omega[run], kind="stable")] for run in data.runs if len(run) >= FEWEST_ROWS]
