@@ -105,6 +105,24 @@ def test_peaks_that_trend_are_no_outliers(among):
     assert any("assumed to be 2 %" in caution for caution in found.cautions)
 
 
+def test_resonances_with_phases_have_no_stray_readings():
+    """Friction of 0.25 beside 0.8 of the simulated viscous damping at four levels, with phases at pi/2.
+
+    Each row is all that its level says: a smallest amplitude set aside as stray left "no effect".
+    """
+    force = np.array([0.5, 1.0, 2.0, 4.0])
+    viscous = 2.0 * 0.01 * 2.0 * 2.0 * np.pi * 18.0
+    amplitude = (force - 4.0 / np.pi * 0.25) / (0.8 * viscous * 2.0 * np.pi * 18.0) * [1.01, 0.99, 1.005, 0.995]
+    phase = 0.5 * np.pi + np.array([0.01, -0.01, 0.005, 0.0])
+    frame = pd.DataFrame({"sweep": list("ABCD"), "force": force, "frequency": 18.0, "amplitude": amplitude})
+    mode = Mode(name="bracket", frequency=18.0, mass=2.0, damping={"viscous": {"coefficient": viscous}})
+    effects = {name: CATALOGUE[name] for name in ("coulomb-friction", "viscous-coefficient")}
+    found = limited(effects, diagnose, Record(frame.assign(phase=phase)), mode)
+    assert set(found.leading.effects) == set(effects)  # two effects of four rows, as where they have no phase
+    assert np.all(found.leading.best.weights == 1.0)
+    assert any("assumed to be 2 %" in caution for caution in found.cautions)
+
+
 def hypothesis(log_posterior: float, *effects: str, apart: float = 0.0) -> SimpleNamespace:
     """A fit whose prediction lies ``apart`` units of noise from 0."""
     best = SimpleNamespace(model=None, r=np.array([apart]), weights=np.ones(1))

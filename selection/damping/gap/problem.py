@@ -48,7 +48,7 @@ class Setting:
     def noise_error(self) -> float:
         """Standard deviation of the ln of the noise; one estimated from n rows is known to sqrt(2/n) at best."""
         rows = self.problem.rows
-        of_rows = 0.0 if rows.at_resonance else float(np.sqrt(2.0 / len(rows)))  # at resonance it is a mere guess
+        of_rows = 0.0 if rows.of_peaks else float(np.sqrt(2.0 / len(rows)))  # of single rows it is a mere guess
         return 0.0 if self.noise_known else max(NOISE_ERROR, of_rows)
 
     @property
@@ -229,9 +229,9 @@ def record_cautions(rows: PhasorRows, record: Record, mode: Mode) -> list[str]:
 def _list_noise_cautions(rows: PhasorRows, record: Record) -> list[str]:
     """Cautions about noise that the record does not state, or states as 0, which no measurement has."""
     cautions, zero = [], {name: record.column(name, 1.0) == 0.0 for name in ("amplitude_sd", "phase_sd")}
+    of_rows = "estimated from the roughness along each sweep"
     if not is_stated(record)[0]:
-        of_rows = "estimated from the roughness along each sweep"
-        taken = f"assumed to be {100.0 * FIRST_GUESS:g} % of each amplitude" if rows.at_resonance else of_rows
+        taken = f"assumed to be {100.0 * FIRST_GUESS:g} % of each amplitude" if rows.of_peaks else of_rows
         cautions.append(
             f"noise is not stated{' (amplitude_sd is 0)' if zero['amplitude_sd'].all() else ''}: it was {taken}"
         )
@@ -240,9 +240,8 @@ def _list_noise_cautions(rows: PhasorRows, record: Record) -> list[str]:
             of_others = "the median of the other rows is used there"
             cautions.append(f"{name} is 0 in {is_zero.sum()} of {len(record)} rows, which states no noise: {of_others}")
         elif is_zero.all() and name == "phase_sd":
-            cautions.append(
-                "phase_sd is 0, which states no noise: it was estimated from the roughness along each sweep"
-            )
+            taken = f"assumed to be {FIRST_GUESS:g} rad" if rows.of_peaks else of_rows
+            cautions.append(f"phase_sd is 0, which states no noise: it was {taken}")
     return cautions
 
 

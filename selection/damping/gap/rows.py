@@ -86,8 +86,8 @@ class PhasorRows(SweepRows):
 
     @property
     def of_peaks(self) -> bool:
-        """Whether every sweep is one row at phase resonance: an error of a row is then one of its sweep."""
-        return self.at_resonance and len(self) == len(self.sweeps)
+        """Whether every sweep is one row, with or without its phase: an error of a row is then one of its sweep."""
+        return len(self) == len(self.sweeps)
 
     @cached_property
     def measured(self) -> BoolArray:

@@ -88,9 +88,10 @@ class Search(Fits):
         self._shorten()
 
     def _most_effects(self) -> int:
-        """Most effects that the rows support; with phase resonances only, one fewer than there are levels."""
+        """Most effects that the rows support; where every sweep is one row, one fewer than there are levels."""
         rows = self.problem.rows
-        return min(MOST_EFFECTS, rows.level_count - 1 if rows.at_resonance else len(rows) // ROWS_PER_EFFECT)
+        of_rows = 0 if rows.at_resonance else len(rows) // ROWS_PER_EFFECT
+        return min(MOST_EFFECTS, max(of_rows, rows.level_count - 1) if rows.of_peaks else of_rows)
 
     def _combine_parameters(self) -> None:
         """Fit the parameters of the simulation together: where several are wrong, a single one may gain too little.
