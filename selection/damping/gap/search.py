@@ -91,7 +91,8 @@ class Search(Fits):
         """Most effects that the rows support; where every sweep is one row, one fewer than there are levels."""
         rows = self.problem.rows
         of_rows = 0 if rows.at_resonance else len(rows) // ROWS_PER_EFFECT
-        return min(MOST_EFFECTS, max(of_rows, rows.level_count - 1) if rows.of_peaks else of_rows)
+        of_levels = rows.level_count - 1 if rows.at_resonance or rows.of_peaks else 0
+        return min(MOST_EFFECTS, max(of_rows, of_levels))
 
     def _combine_parameters(self) -> None:
         """Fit the parameters of the simulation together: where several are wrong, a single one may gain too little.
