@@ -89,7 +89,7 @@ class FitVerdict:
         rough = f"rows scatter along the sweeps by {self.rough:.2g} times the stated noise: check that noise"
         smooth = (
             f"rows of a sweep deviate from {self.law} together, by {per_cent(self.smooth)} %: in weights and intervals"
-            f" one row in {self.together:.2g} counts as independent"
+            f" one row in {self.together:.0f} counts as independent"
         )
         further = [rough if self.rough else "", smooth if self.smooth else ""]
         return "; ".join(filter(None, [verdicts[self.verdict], self.level_caution, *further]))
