@@ -14,8 +14,8 @@ FEWEST_ROWS = 6
 #: degrees of freedom.
 DIFFERENCE_VARIANCE = 6.0
 DIFFERENCE_FREEDOM = 2.0 / 3.0
-#: Misfit along the sweeps over the scatter from row to row, or the stated noise, above which it is smooth if runs are
-#: few too: it then has at least the variance of that scatter.
+#: Misfit along the sweeps over the scatter from row to row, above which it is smooth if runs are few too: it then has
+#: at least the variance of that scatter. A stated uncertainty may be larger; it does not say that rows err apart.
 SMOOTH = 1.5
 FEW_RUNS = 0.01  #: probability below which runs are few
 FEWEST_INDEPENDENT = 3.0  #: independent rows of a sweep, at least: the ends and the middle of a smooth misfit
@@ -53,13 +53,12 @@ def misfit_along_sweeps(fit: BestFit, data: Observations) -> FloatArray:
 def count_together(fit: BestFit, data: Observations) -> float:
     """Rows that count as one independent row, since their residuals deviate together; 1 unless the misfit is smooth.
 
-    The autocorrelation time 1 + 2 sum rho_k, by the initial positive sequence (Geyer 1992). In a decay, errors are
-    smooth by nature, and its levels share them.
+    That is the autocorrelation time 1 + 2 sum rho_k, by the initial positive sequence (Geyer 1992). In a decay errors
+    are smooth by nature, and its levels share them.
     """
     n, runs = misfit_along_sweeps(fit, data), _list_along_sweeps(data)
     noise, differences = measure_roughness(n, data)
-    stated = float(np.sqrt(np.mean(residuals(fit.force, data)[2])))
-    if data.amplitude_is_input or not differences or np.sqrt(np.mean(n**2)) < SMOOTH * max(noise, stated):
+    if data.amplitude_is_input or not differences or np.sqrt(np.mean(n**2)) < SMOOTH * noise:
         return 1.0
     if runs_probability(n, data) >= FEW_RUNS:
         return 1.0
