@@ -58,6 +58,7 @@ class Task:
 
     number: int
     record: Input
+    data: Observations  #: rows as they were ranked
     candidate: Candidate
     level: float
     seed: int
@@ -166,7 +167,7 @@ def _tasks(settings: files.StudySettings, inputs: list[Input], rankings: list[Ra
             of_source = any(candidate is other for other in named)
             leads = candidate.rank is not None and candidate.rank <= MOST_SAMPLED and candidate.weight > LEAST_WEIGHT
             if candidate.evidence is not None and (leads or of_source):
-                yield Task(number, record, candidate, settings.level, settings.seed, of_source)
+                yield Task(number, record, ranking.data, candidate, settings.level, settings.seed, of_source)
 
 
 def _sample(pool: Executor, tasks: list[Task]) -> list[tuple[Task, LawPosterior]]:
@@ -181,7 +182,7 @@ def _sample(pool: Executor, tasks: list[Task]) -> list[tuple[Task, LawPosterior]
 
 def sample_law(task: Task) -> LawPosterior:
     """Sample one law and check it against its data."""
-    data, forces = task.record.prepared.all_rows, np.array(task.record.settings.design_forces)
+    data, forces = task.data, np.array(task.record.settings.design_forces)
     posterior = sample_candidate(task.candidate, data, forces, task.seed)
     sampled = Member(task.candidate.name, task.candidate.weight, posterior.coordinates, posterior.draws)
     amplitude = amplitude_draws(sampled, data.tested_force, data)

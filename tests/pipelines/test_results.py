@@ -163,7 +163,9 @@ def test_posterior_of_the_leading_law(name, summary, study_settings, study_input
     record = next(r for r in summary["records"] if r["name"] == name)
     number, one = next((i, one) for i, one in enumerate(study_inputs) if one.settings.name == name)
     leader = rankings[name].candidates[0]
-    task = Task(number, one, leader, study_settings.level, study_settings.seed + 1, of_source=False)
+    task = Task(
+        number, one, rankings[name].data, leader, study_settings.level, study_settings.seed + 1, of_source=False
+    )
     again = sample_law(task)
     assert again.posterior.converged, again.posterior.failure
     old = next(p for p in record["posteriors"] if p["law"] == leader.name)

@@ -82,11 +82,12 @@ def plan_loads(
 
     AnalysisError: no candidate can carry the measured forces.
     """
-    if ranking and ranking.data.sampled.content == data.sampled.content and not data.amplitude_is_input:
+    if ranking and ranking.ranks(data) and not data.amplitude_is_input:
         ranked = ranking
     else:
         resonating = [law for law in laws if law.has_resonance]  # for a decay, friction alone may be ranked
         ranked = weigh_laws(data, seed, resonating or laws, done, estimate)
+    data = ranked.data
     planned = tuple(row for row in ranked.candidates if row.evidence)
     scatter = np.hypot(*planned[0].coordinates.scatter(planned[0].weighed.draws))
     stated = float(np.sqrt(find_repeatability(mode) ** 2 + np.mean(data.sd_amplitude**2 + data.sd_force**2)))

@@ -106,6 +106,10 @@ class Ranking:
         """Candidates with a weight above ``least``."""
         return tuple(c for c in self.candidates if c.weight > least)
 
+    def ranks(self, data: Observations) -> bool:
+        """Whether the ranking is of these rows."""
+        return self.data.sampled.content == replace(data, together=self.data.together).sampled.content
+
     def find(self, law: Law) -> Candidate:
         """The row of a law, or of its equivalent. KeyError if it is no candidate."""
         for candidate in self.candidates:
@@ -154,7 +158,7 @@ def weigh_laws(
     fits, failed = _fit_laws(laws, data)
     for row in failed:
         done(row.name)
-    if fits:
+    if fits and data.together == 1.0:  # else it is known from more laws
         closest = min(fits, key=lambda fit: fit.squares)
         data = replace(data, together=count_together(closest, data))
     groups = group_equivalents(fits, data) if fits else []
