@@ -343,6 +343,13 @@ def test_rows_that_deviate_together_count_as_fewer(smoothly_read, rho, low, high
         assert low <= count_together(fit_law(Law.named("displacement"), data), data) <= high
 
 
+def test_computed_sweeps_do_not_deviate(swept_misfit):
+    """Rounding and interpolation are smooth too: a wave of 5e-5 in the damping is no reading's, one of 5e-3 is."""
+    for share, together in ((5e-5, False), (5e-3, True)):
+        data = observe(swept_misfit(share, 0.0))
+        assert (count_together(fit_law(Law.named("displacement"), data), data) > 1.0) == together
+
+
 @pytest.mark.parametrize("seed", [9, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 9))])
 def test_smooth_errors_do_not_make_a_wrong_law_certain(smoothly_read, laws, seed):
     """With errors of correlation .9 the true law keeps its weight, and its interval the coefficient.

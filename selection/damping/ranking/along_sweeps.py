@@ -17,6 +17,7 @@ DIFFERENCE_FREEDOM = 2.0 / 3.0
 #: Misfit along the sweeps over the scatter from row to row, above which it is smooth if runs are few too: it then has
 #: at least the variance of that scatter. A stated uncertainty may be larger; it does not say that rows err apart.
 SMOOTH = 1.5
+MEASURED = 1e-4  #: least misfit, relative amplitude, of readings: the smooth errors of a computation are smaller
 FEW_RUNS = 0.01  #: probability below which runs are few
 FEWEST_INDEPENDENT = 3.0  #: independent rows of a sweep, at least: the ends and the middle of a smooth misfit
 
@@ -58,7 +59,7 @@ def count_together(fit: BestFit, data: Observations) -> float:
     """
     n, runs = misfit_along_sweeps(fit, data), _list_along_sweeps(data)
     noise, differences = measure_roughness(n, data)
-    if data.amplitude_is_input or not differences or np.sqrt(np.mean(n**2)) < SMOOTH * noise:
+    if data.amplitude_is_input or not differences or np.sqrt(np.mean(n**2)) < max(SMOOTH * noise, MEASURED):
         return 1.0
     if runs_probability(n, data) >= FEW_RUNS:
         return 1.0
