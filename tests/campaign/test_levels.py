@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from damping.campaign import analyse
 from damping.campaign.decays import decay_modes
 from damping.campaign.modal_fit import find_peaks_of, fit_level
-from damping.campaign.records import fit_levels, fit_right_levels, join_modes
+from damping.campaign.records import describe_lost, fit_levels, fit_right_levels, join_modes
 from damping.campaign.runs import ChannelCorrection, Corrections
 from damping.campaign.sources import read_runs
 from damping.campaign.values import At, Bounds, Response
@@ -319,6 +319,35 @@ def test_dwells_that_begin_on_a_flank_show_every_mode():
         H -= np.array(shape)[:, np.newaxis] * w**2 / (w_n**2 - w**2 + 2j * ratio * w_n * w)
     peaks = find_peaks_of(f, H, -1.0)
     np.testing.assert_allclose(peaks, [12.0, 18.96], atol=0.0625)  # the space between dwells
+
+
+@pytest.mark.parametrize("start", [14.0, 27.3])
+def test_a_shaken_base_swept_from_a_flank_shows_every_mode(start):
+    """Rows from 7 % below the first mode read 7 times the base, as much as the second mode does at its peak."""
+    f = np.concatenate([np.linspace(start, 31.0, 160), np.linspace(60.0, 68.0, 160)])
+    w, H = 2 * np.pi * f, np.ones((3, 320), complex)
+    for hertz, ratio, shape in ((29.3, 0.008, (0.47, 0.97, 1.3)), (64.5, 0.0168, (0.39, 0.12, -0.53))):
+        w_n = 2 * np.pi * hertz
+        H += np.array(shape)[:, np.newaxis] * w**2 / (w_n**2 - w**2 + 2j * ratio * w_n * w)
+    np.testing.assert_allclose(find_peaks_of(f, H, 1.0), [29.3, 64.5], atol=0.15)
+
+
+@pytest.mark.parametrize("changing", [False, True])
+def test_a_mode_that_moves_most_where_levels_contradict_is_left_out(tmp_path, changing):
+    """Of two sensors one shows the second mode at every level, but not alike; the other is near its node."""
+    f = np.linspace(25.0, 34.0, 300)
+    w, read = 2 * np.pi * f, {}
+    for k, level in enumerate((0.1, 0.2, 0.4)):
+        by = (1.0, 1.3, 1.69)[k] if changing else 1.0
+        H, shapes = np.ones((2, 300), complex), ((28.0, (1.2, 0.3)), (31.0, (-0.14 * by, 0.05 * by**0.5)))
+        for hertz, shape in shapes:
+            w_n = 2 * np.pi * hertz
+            H += np.array(shape)[:, np.newaxis] * w**2 / (w_n**2 - w**2 + 0.01j * w_n * w)
+        read[level] = level * H * (1.0 + 0.002 * np.random.default_rng(k).normal(size=H.shape))
+    levels = fit_levels(read_runs([write_shaken(tmp_path / "node.h5", f, read)], 10_000_000)[0], (28.0, 31.0))
+    modes = join_modes(levels)
+    assert [round(mode.mode.frequency) for mode in modes] == ([28] if changing else [28, 31])
+    assert ["its levels do not agree" in text for text in describe_lost(levels, modes)] == [True] * changing
 
 
 def test_a_sensor_in_another_unit_is_left_out_before_modes_are_sought(tmp_path, few_laws):

@@ -149,18 +149,23 @@ def test_an_energy_that_contradicts_its_row_is_refused(factor):
     assert ("energy" in [one.check for one in found]) == (factor == 0.5)  # of one row only what no noise is
 
 
-@pytest.mark.parametrize(("viscous", "said"), [(0.3, []), (3.0, []), (90.0, ["beyond-model"])])
-def test_further_forces_do_not_excuse_a_viscous_one_that_is_too_large(viscous, said):
-    """A viscous force of 3 N s/m beside a file of that or another and one more force, which only adds to it."""
+@pytest.mark.parametrize(
+    ("viscous", "drag", "said"),
+    [(0.3, 6.0, []), (3.0, 0.6, []), (90.0, 0.6, ["beyond-model"]), (0.003, 0.6, ["beyond-model"])],
+)
+def test_further_forces_excuse_a_wrong_viscous_one_only_by_what_they_add(viscous, drag, said):
+    """A viscous force of 3 N s/m beside a file of that or another (0.003: in N s/mm) and one more force."""
     r = np.linspace(0.94, 1.06, 21)
     Y = 4.0 * 10.7**2 * (1.0 - r**2) + 3j * 10.7 * r
     table = pd.DataFrame(
         {"sweep": "A", "force": 1.0, "frequency": 10.7 * r / (2.0 * np.pi), "amplitude": 1.0 / np.abs(Y)}
     ).assign(phase=np.angle(Y))
     mode = dp.Mode(
-        name="m", frequency=10.7 / (2.0 * np.pi), mass=4.0, damping={"viscous": viscous, "velocity-squared": 0.6}
+        name="m", frequency=10.7 / (2.0 * np.pi), mass=4.0, damping={"viscous": viscous, "velocity-squared": drag}
     )
-    assert [one.check for one in audit(dp.Record(table), mode).findings] == said
+    found = audit(dp.Record(table), mode).findings
+    assert [one.check for one in found] == said
+    assert viscous > 0.003 or "another factor of 1000?" in found[0].what
 
 
 @pytest.mark.parametrize(("factor", "said"), [(1.0, []), (1000.0, ["beyond-model"]), (1e5, ["units"])])

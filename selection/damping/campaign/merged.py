@@ -1,4 +1,6 @@
-"""Close modes that show one peak: found where the sensors move in more shapes than modes were fitted.
+"""Shapes that are not those of one mode: of levels that differ, and of close modes that show one peak.
+
+The latter are found where the sensors move in more shapes than modes were fitted.
 
 However the stiffness and damping of a mode change with amplitude, all sensors move in its shape:
 
@@ -13,6 +15,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from damping.arrays import BoolArray
 from damping.campaign.modal_fit import Level, evaluate_sd
 from damping.campaign.poles import BAND
 from damping.campaign.projection import solve_residues
@@ -24,6 +27,7 @@ MERGED = 10.0
 #: Least root mean square of such residuals, over that of the modes, where the scatter is less: pairs of nearly the same
 #: shape leave 2 %; without any noise, the fit's own errors stand out of the scatter.
 LEAST_SHARE = 0.01
+ALIKE = 0.9  #: least modal assurance criterion between the shapes of two levels
 PAYS = 4.0  #: least ratio of the squared residuals before to those after one mode is replaced by two
 _WIDE = 5.0  # half of the range about a mode, in half-power half-widths
 _STARTS = ((-0.2, 0.2), (-0.4, 0.0), (0.0, 0.4))  # of two modes about the merged one, in that range
@@ -101,3 +105,14 @@ def _measure_excess(level: Level, mode: int) -> float:
         return 0.0
     rough = float(np.mean(np.abs(np.diff(residual, n=2, axis=1)) ** 2)) / 6.0
     return float(np.mean(np.abs(residual) ** 2)) / max(rough, 1e-300)
+
+
+def describe_shapes(levels: Sequence[Level], k: int, kept: BoolArray) -> list[str]:
+    """Cautions on levels at which the shape of mode ``k`` at the ``kept`` sensors is not that of the lowest level."""
+    cautions, lowest = [], levels[0].fit.residues[kept, k]
+    for level in levels[1:]:
+        shape = level.fit.residues[kept, k]
+        mac = float((shape @ lowest) ** 2 / ((shape @ shape) * (lowest @ lowest)))
+        if mac < ALIKE:
+            cautions.append(f"at {level.run.level:g} {level.run.drive_unit} the shape is another (MAC {mac:.2f})")
+    return cautions

@@ -83,12 +83,12 @@ class Level:
 def find_peaks_of(f: FloatArray, H: ComplexArray, sign: float = 1.0) -> list[float]:
     """Frequencies of the peaks of sum |H_s - H_s(low)|^2 over the sensors, above the noise.
 
-    H_s(low) is the motion of the base; under a force (``sign`` -1) it is taken as 0, as the first rows may be the flank
-    of a mode. The noise is estimated from second differences, which are small for a smooth curve.
+    H_s(low) is the motion of the base, at most 1 in size: larger first rows are the flank of a mode. Under a force
+    (``sign`` -1) it is taken as 0. The noise is estimated from second differences, which are small for a smooth curve.
     """
     if len(f) < FEWEST_ROWS:
         return []
-    rigid = np.median(H[:, : max(len(f) // 50, 3)].real, axis=1, keepdims=True)
+    rigid = np.median(H[:, : max(len(f) // 50, 3)].real, axis=1, keepdims=True).clip(-1.0, 1.0)
     moved = H - (rigid if sign > 0.0 else 0.0)
     rough = np.median(np.abs(np.diff(H, n=2, axis=1)), axis=1) / np.sqrt(6.0)
     floor = float(np.sum((_FLOOR * rough) ** 2))

@@ -15,7 +15,7 @@ import pandas as pd
 
 from damping.arrays import BoolArray, ComplexArray, FloatArray, wrap_lag
 from damping.campaign.delays import remove_delay
-from damping.campaign.merged import describe_excess, split_merged
+from damping.campaign.merged import describe_excess, describe_shapes, split_merged
 from damping.campaign.modal_fit import LEAST_T, MOVED, Level, ModalFit, evaluate_sd, find_peaks_of, fit_level
 from damping.campaign.runs import CampaignRun
 from damping.campaign.sensors import find_bad_sensors, find_misread
@@ -31,8 +31,9 @@ WRITTEN = 1.5  #: rows with |cot phase| up to this are written
 MOST_ROWS = 21  #: most rows of a level
 FEWEST_ROWS = 3  #: fewest rows of a level
 CONTROLLED = 0.1  #: a drive whose readings range over less than this share of their median is controlled to be constant
-ALIKE = 0.9  #: least modal assurance criterion between the shapes of two levels
-_UNSEEN = "it has no peak at this resonance"  # the reason that leaves a sensor out of one mode alone
+# the reasons that leave a sensor out of one mode alone: the noise hides it at some level, or the levels contradict
+_UNSEEN = "it has no peak at this resonance"
+_UNSTEADY = "its share of this resonance scatters from level to level"
 
 
 @dataclass(frozen=True)
@@ -185,7 +186,7 @@ def describe_lost(levels: Sequence[Level], modes: Sequence[DrivenMode], asked: S
             lost.append(
                 f"caution: the mode stated near {stated:.4g} Hz was found at {found:.4g} Hz: is it another one?"
             )
-    usable = [modes[0].left_out.get(name, _UNSEEN) == _UNSEEN for name in names]
+    usable = [modes[0].left_out.get(name, _UNSEEN) in (_UNSEEN, _UNSTEADY) for name in names]
     for k in set(range(len(frequency))) - {mode.number for mode in modes}:
         clear = [np.abs(level.fit.residues[:, k]) > LEAST_T * level.fit.residues_sd[:, k] for level in levels]
         showing = np.any(clear, axis=0)
@@ -203,26 +204,37 @@ def describe_lost(levels: Sequence[Level], modes: Sequence[DrivenMode], asked: S
 
 
 def _join_mode(levels: Sequence[Level], k: int, left_out: Mapping[str, str], name: str) -> DrivenMode | None:
-    """Mode ``k`` of every level from the sensors that are not left out; None if none of them shows it."""
+    """Mode ``k`` of every level from the sensors that are not left out.
+
+    None if none of them shows it, or if the one that moves most does at every level, but not alike: what is left are
+    sensors near a node, whose small readings are mostly of other modes.
+    """
     (mean, error), sensors = _average_residues(levels, k), levels[0].run.names
     usable: BoolArray = np.array([sensor not in left_out for sensor in sensors])
     is_seen = np.abs(mean) > LEAST_T * error
-    kept = usable & is_seen
-    if not kept.any():
+    kept, scatters = usable & is_seen, _is_clear(levels, k) & ~is_seen
+    if not kept.any() or scatters[np.argmax(np.where(usable, np.abs(mean), -1.0))]:
         return None
-    unseen = [sensor for sensor, missing in zip(sensors, usable & ~is_seen, strict=True) if missing]
+    why = dict(zip(sensors, np.where(scatters, _UNSTEADY, _UNSEEN).tolist(), strict=True))
+    unseen = {sensor: why[sensor] for sensor, missing in zip(sensors, usable & ~is_seen, strict=True) if missing}
     residues, relative = np.where(kept, mean, np.nan), error / np.abs(mean)
     reference = int(np.nanargmax(np.abs(residues)))
     mass = 1.0 if levels[0].run.is_base_driven else 1.0 / abs(float(mean[reference]))
     mode = make_mode(name, float(levels[0].fit.frequency[k]), mass, float(relative[reference]))
     record = Record(pd.concat([_tabulate(level, k, residues, reference) for level in levels], ignore_index=True), name)
-    cautions = (*describe_excess(levels, k), *_describe_shapes(levels, k, kept))
-    left_out = {**left_out, **dict.fromkeys(unseen, _UNSEEN)}
+    cautions = (*describe_excess(levels, k), *describe_shapes(levels, k, kept))
+    left_out = {**left_out, **unseen}
     fields = ("frequency", "frequency_sd", "ratio", "ratio_sd")
     poles = {field: np.array([getattr(level.fit, field)[k] for level in levels]) for field in fields}
     return DrivenMode(
         k, reference, residues, relative, **poles, left_out=left_out, cautions=cautions, record=record, mode=mode
     )
+
+
+def _is_clear(levels: Sequence[Level], k: int) -> BoolArray:
+    """Whether mode ``k`` stands out of the noise at every level, (sensors,)."""
+    clear = [np.abs(level.fit.residues[:, k]) > LEAST_T * level.fit.residues_sd[:, k] for level in levels]
+    return np.asarray(np.all(clear, axis=0))
 
 
 def _average_residues(levels: Sequence[Level], k: int) -> tuple[FloatArray, FloatArray]:
@@ -233,17 +245,6 @@ def _average_residues(levels: Sequence[Level], k: int) -> tuple[FloatArray, Floa
     mean = np.sum(r / sd**2, axis=0) / weight
     scatter = np.sqrt(np.mean((r - mean) ** 2, axis=0) / max(len(levels) - 1, 1))
     return mean, np.hypot(np.sqrt(1.0 / weight), scatter)
-
-
-def _describe_shapes(levels: Sequence[Level], k: int, kept: BoolArray) -> list[str]:
-    """Cautions on levels at which the shape of mode ``k`` at the ``kept`` sensors is not that of the lowest level."""
-    cautions, lowest = [], levels[0].fit.residues[kept, k]
-    for level in levels[1:]:
-        shape = level.fit.residues[kept, k]
-        mac = float((shape @ lowest) ** 2 / ((shape @ shape) * (lowest @ lowest)))
-        if mac < ALIKE:
-            cautions.append(f"at {level.run.level:g} {level.run.drive_unit} the shape is another (MAC {mac:.2f})")
-    return cautions
 
 
 def _tabulate(level: Level, k: int, residues: FloatArray, reference: int) -> pd.DataFrame:

@@ -135,6 +135,7 @@ class Search(Fits):
                     self.extend_once(addition.base, addition.name, addition.starts, leading.plain.log_posterior)
         self._add_last_effect([additions[key][0] for key in ordered])
         self._exchange_effects()
+        self._add_to_corrections()
         self._try_other_laws()
         best = self.ranked()[:_MOST_NEAR]
         for near in [hypothesis for hypothesis in best if hypothesis.log_posterior > best[0].log_posterior - NEAR]:
@@ -192,6 +193,20 @@ class Search(Fits):
                 pair = self.hypotheses.get(base.key | {name})
                 if pair and pair.log_posterior < leading.log_posterior - NEAR:
                     self._fit_from_each_side(pair)
+
+    def _add_to_corrections(self) -> None:
+        """Add each effect of the leading explanation to the best hypothesis that only corrects the simulation.
+
+        A simulation with two wrong parameters and a missing law is far off until all three are fitted: linear gains
+        are too small there, and effects that imitate one of the three lead.
+        """
+        leading = self.leading
+        for base in self.ranked():
+            if len(base.effects) == len(leading.effects) - 1 and all(self.effects[name].corrects for name in base.key):
+                for name in leading.key - base.key:
+                    if not base.key & self.effects[name].denies:
+                        self.extend_once(base, name)
+                return
 
     def _fit_from_each_side(self, hypothesis: Hypothesis) -> None:
         """Fit a combination of several effects from each base of one effect fewer, and keep the best."""

@@ -1,11 +1,11 @@
 """Checks of a mode file: by itself, and against a record whose mass, frequency or damping may be of another mode."""
 
-from math import hypot, log
+from math import hypot, inf, log
 
 import numpy as np
 
-from damping.arrays import FloatArray
-from damping.forces import component
+from damping.arrays import RAD_S_PER_HZ, FloatArray
+from damping.forces import component, damping_ratio, from_damping
 from damping.records.check_edges import list_at_edge
 from damping.records.check_levels import FAR_MASS, FAR_MASS_WITHOUT_PHASE, compare_masses, list_medians
 from damping.records.check_units import (
@@ -90,12 +90,11 @@ def check_beyond_model(view: View) -> Finding | None:
     if str(table["sweep"].iloc[0]) in list_at_edge(view) and _is_beside(view.mode, frequency, zeta):
         zeta = float("nan")  # not known; the finding on that edge says so
     advice = "check the gain of the sensor, that it reads displacement, and the mode file"
-    far_above = zeta > FAR_DAMPING * simulated and len(view.mode.damping) == 1  # further forces add to the viscous one
-    if simulated and zeta > 0.0 and (far_above or FAR_DAMPING * zeta < simulated):
-        name = name_unit(zeta / simulated, view.mode.units, within=NEAR_NAMED)
-        differences.append(
-            f"a damping ratio of {zeta:.3g}, {simulated:.3g} in the mode file{f' ({name}?)' if name else ''}"
-        )
+    of_all = _total_ratio(view.mode, frequency, float(table["amplitude"].iloc[0]))
+    if simulated and zeta > 0.0 and (zeta > FAR_DAMPING * of_all or FAR_DAMPING * zeta < simulated):
+        stated = max(of_all, simulated) if zeta > simulated else simulated
+        name = name_unit((zeta - stated) / simulated + 1.0, view.mode.units, within=NEAR_NAMED)
+        differences.append(f"a damping ratio of {zeta:.3g}, {stated:.3g} in the mode file{f' ({name}?)' if name else ''}")
     elif not simulated and (unusual := _describe_unusual_ratio(view, zeta)):
         name = f" ({name_unit(zeta / 0.01, view.mode.units)}?)" if zeta < SMALL_RATIO else ""
         differences.append(f"a damping ratio of {zeta:.3g}, {unusual} than assembled structures have{name}")
@@ -106,6 +105,15 @@ def check_beyond_model(view: View) -> Finding | None:
     other = not swept.min() / OTHER_MODE < view.mode.frequency < swept.max() * OTHER_MODE
     advice = "model and record are of different modes" if other else advice
     return Finding("beyond-model", "refuse" if other else "caution", "; ".join(differences), advice, view.record.sweeps)
+
+
+def _total_ratio(mode: Mode, frequency: float, amplitude: float) -> float:
+    """Damping ratio of all simulated forces at a frequency (Hz) and amplitude; infinite if effects add to several."""
+    if len(mode.damping) == 1 or mode.effects:
+        return mode.viscous_ratio if len(mode.damping) == 1 else inf
+    omega = RAD_S_PER_HZ * frequency
+    held = float(np.asarray(from_damping(mode.damping).quadrature(amplitude, omega)))
+    return float(damping_ratio(held, amplitude, mode.mass * omega**2))
 
 
 def _describe_unusual_ratio(view: View, zeta: float) -> str:
