@@ -94,7 +94,8 @@ def check_beyond_model(view: View) -> Finding | None:
     if simulated and zeta > 0.0 and (zeta > FAR_DAMPING * of_all or FAR_DAMPING * zeta < simulated):
         stated = max(of_all, simulated) if zeta > simulated else simulated
         name = name_unit((zeta - stated) / simulated + 1.0, view.mode.units, within=NEAR_NAMED)
-        differences.append(f"a damping ratio of {zeta:.3g}, {stated:.3g} in the mode file{f' ({name}?)' if name else ''}")
+        beside = f", {stated:.3g} in the mode file{f' ({name}?)' if name else ''}"
+        differences.append(f"a damping ratio of {zeta:.3g}{beside}")
     elif not simulated and (unusual := _describe_unusual_ratio(view, zeta)):
         name = f" ({name_unit(zeta / 0.01, view.mode.units)}?)" if zeta < SMALL_RATIO else ""
         differences.append(f"a damping ratio of {zeta:.3g}, {unusual} than assembled structures have{name}")
