@@ -83,7 +83,6 @@ def describe_comparison_page(studies: Sequence[StudySummary], versions: Mapping[
     """The page as HTML. Equal arguments give equal text; names of studies are all different."""
     names = list(dict.fromkeys(name for study in studies for name in study.records))
     shared = [name for name in names if all(name in study.records for study in studies)]
-    several = len(studies) > 1
     rows = [
         {"study": study.name, "title": study.form.title, "seed": study.form.seed, "level": study.form.level}
         | {"records": ", ".join(study.records)}
@@ -92,13 +91,12 @@ def describe_comparison_page(studies: Sequence[StudySummary], versions: Mapping[
     sharing, parts = _weigh_sharing(_list_different(studies))
     parts |= {"overview": _tabulate_records(studies), "studies": Table(pd.DataFrame(rows))}
     records = []
-    for name in names:
+    for name in names if len(studies) > 1 else ():
         having = [study for study in studies if name in study.records]
-        if several or len(having) > 1:
-            tables = _build_tables(name, having)
-            parts |= {f"{name} {what}": table for what, table in tables.items()}
-            present = {what: what in tables for what in ("predictions", "posteriors")}
-            records.append(_describe_record(name, having, studies) | present)
+        tables = _build_tables(name, having)
+        parts |= {f"{name} {what}": table for what, table in tables.items()}
+        present = {what: what in tables for what in ("predictions", "posteriors")}
+        records.append(_describe_record(name, having, studies) | present)
     forms = [record.form for study in studies for record in study.records.values()]
     values = {
         "studies": studies,

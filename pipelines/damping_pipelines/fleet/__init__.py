@@ -67,10 +67,7 @@ def fleet(
         if not replace:
             _refuse_loss(kept, dataset.tasks_of(cases, settings))
         book = _Book(kept, out, _final(kept, out))
-        if skipped := dataset.list_skipped(records, cases):
-            names = format_joined(shorten(skipped))
-            kinds = "none of NAME.csv, NAME/record.csv and NAME/data.csv"
-            print(f"damping: {records}: not read, as {kinds}: {names}", file=sys.stderr)
+        _name_skipped(records, dataset.list_skipped(records, cases))
         with progress("fleet", len(cases), each=True) as done:
             tasks = book.new(dataset.tasks_of(cases, settings), done)
             first = list(itertools.islice(tasks, 1))  # where nothing is left to do no cluster is started
@@ -85,6 +82,13 @@ def fleet(
                     book.keep(runners.distributed(client, tasks), done)
         _drop(out, book.wanted, kept)
         _finish(out, kept, settings)
+
+
+def _name_skipped(records: Path, skipped: list[str]) -> None:
+    """Print which files and folders of the records are not read; nothing if all are."""
+    if skipped:
+        kinds, names = "none of NAME.csv, NAME/record.csv and NAME/data.csv", format_joined(shorten(skipped))
+        print(f"damping: {records}: not read, as {kinds}: {names}", file=sys.stderr)
 
 
 def _check_workers(scheduler: str | None, workers: int | None, time_limit: float) -> None:

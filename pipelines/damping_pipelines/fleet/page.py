@@ -225,10 +225,7 @@ def collect_facts(table: pd.DataFrame, good: pd.DataFrame, over: FloatArray) -> 
 
 
 def _range(values: FloatArray, records: int) -> tuple[float, float, str]:
-    """Low and high end of nine values of ten, or of all where they are few, and in words which records these are.
-
-    ``records``: their number, with those that have no value.
-    """
+    """Ends of nine values of ten, or of all where they are few; in words, of which of so many ``records``."""
     few, every = len(values) < RECORDS_OF_TEN, len(values) == records
     low, high = np.quantile(values, [0.0, 1.0] if few else [0.05, 0.95])
     place = "in nine records of ten" if not few else "in all of them" if every else "where there is a prediction"

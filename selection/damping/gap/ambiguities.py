@@ -6,6 +6,8 @@ from damping.gap.corrected import effect_values, refitted_values
 from damping.gap.fit import ModelFit
 from damping.records.text import per_cent
 
+_TIMES = 10.0  # multiple of a coefficient above which per cents are hard to read
+
 
 def list_ambiguities(fit: ModelFit) -> list[str]:
     """Every caution of this module about a fit."""
@@ -57,10 +59,11 @@ def describe_rig(fit: ModelFit) -> list[str]:
         )
     added = values.get("viscous-coefficient", {}).get("relative", 0.0)
     if added > 0.0 and problem.simulation.mode.rig.force != "measured":
+        size = f"{added:.3g} times" if added > _TIMES else f"{per_cent(100.0 * added)} % of"
         cautions.append(
-            f"a damper of {per_cent(100.0 * added)} % of the simulated viscous coefficient that acts in this test "
-            "alone (a shaker's armature, a stinger, a suspension, cables) has the same effect as this viscous "
-            "coefficient, unless a force cell at the structure excludes it: check it before the simulation is changed"
+            f"a damper of {size} the simulated viscous coefficient that acts in this test alone (a shaker's armature, "
+            "a stinger, a suspension, cables) has the same effect as this viscous coefficient, unless a force cell at "
+            "the structure excludes it: check it before the simulation is changed"
         )
     relative = values.get("natural-frequency", {}).get("relative", 0.0)
     if relative and problem.simulation.simulator is None and not np.any(problem.rows.added):

@@ -135,8 +135,7 @@ def sum_rows(
         sums = [_sum_over(n * n, variance, data)]
         if coordinates.with_level_scatter or coordinates.with_discrepancy:
             sums += [_sum_over(h * h, variance, data), _sum_over(h * n, variance, data)]
-    stacked = np.vstack([value, *(of.T for of in sums)])
-    return stacked if data.together == 1.0 else stacked / data.together
+    return np.vstack([value, *(of.T for of in sums)]) / data.together
 
 
 def weigh_levels(
@@ -172,7 +171,7 @@ def measure_misfit(x: FloatArray, coordinates: Coordinates, data: Observations) 
 
     If the law holds and errors are normal, it is chi-square with as many degrees of freedom as there are rows.
     """
-    data = replace(data, together=1.0)
+    data = replace(data, together=1.0)  # every row has a residual, also where several count as one
     row, level = coordinates.scatter(x)
 
     def weigh(points: slice) -> FloatArray:

@@ -107,8 +107,9 @@ def judge_fit(leader: BestFit, others: Iterable[BestFit], data: Observations, se
     levels = _describe_levels_apart(leader, data) or _describe_hidden_offset(leader, others, data)
     apart = [levels, _describe_peak(data) if verdict == "none fits" else ""]
     rough = _compare_with_stated(leader, data) if verdict == "fits" else 0.0
-    along = misfit_along_sweeps(leader, data) if verdict == "fits" and data.together > 1.0 else np.zeros(1)
-    smooth = 100.0 * float(np.sqrt(np.mean(along**2)))
+    smooth = 0.0
+    if verdict == "fits" and data.together > 1.0:
+        smooth = 100.0 * float(np.sqrt(np.mean(misfit_along_sweeps(leader, data) ** 2)))
     said = "; ".join(filter(None, apart))
     return FitVerdict(verdict, p, misfit, said, rough, smooth, data.together, leader.law.name, other)
 
