@@ -8,7 +8,17 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, wrap_lag
 from damping.errors import InputError, naming
-from damping.formats.conversion import Conversion, Statements, ask, conversion, deviation_factor, other_factor, scaling
+from damping.formats.conversion import (
+    SCALINGS,
+    Conversion,
+    Statements,
+    ask,
+    conversion,
+    deviation_factor,
+    other_factor,
+    scaling,
+)
+from damping.formats.excitation import note_excitation
 from damping.formats.quantity import SYSTEMS
 from damping.formats.series import Samples, Series, Stated, Summary
 from damping.records.record import Record, find_problems
@@ -36,6 +46,9 @@ def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, su
     """
     with naming(file):
         table = _tabulate(series, stated, summary)
+        if any(Statements(row.facts, stated, summary).is_ratio for row in series):
+            texts = (text for row in series for text in (row.label, *row.facts.remarks))
+            note_excitation((Path(file).stem, *texts), summary)
     return Record(table, str(file))
 
 
@@ -190,8 +203,10 @@ def _force(row: Series, keep: BoolArray, level: float | None, to: Conversion, kn
     if to.force is None:
         raise InputError("the unit of the force is neither in the file nor stated", expected="--unit force=N")
     if level is not None:
-        known.summary.add("force", f"{level:g} {known.unit_of('force')}".strip() + " at every row", "stated")
-        return np.full(int(np.count_nonzero(keep)), level * to.force)
+        scaled = known.stated.force_scaling
+        said = " ".join(filter(None, (f"{level:g}", known.unit_of("force"), scaled)))
+        known.summary.add("force", f"{said} at every row", "stated")
+        return np.full(int(np.count_nonzero(keep)), level * to.force * SCALINGS[scaled or "peak"])
     known.summary.add("force", "measured at every row", "found in the file")
     assert row.force is not None  # checked above
     return np.asarray(row.force[keep] * to.force * scaling(known, of_force=True))
