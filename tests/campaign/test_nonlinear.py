@@ -100,6 +100,32 @@ def test_functions_of_another_excitation_than_a_sine_are_doubted(tmp_path, title
         assert any("caution" in note and "not of a sine" in note for note in notes) == said
 
 
+@pytest.mark.parametrize(
+    ("title", "forces", "scaling", "said"),
+    [
+        ("{} N", (1.0, 2.0), None, False),
+        ("{} N", (2.0, 1.0), None, True),
+        ("{} N", (1.0,), None, True),
+        ("{} N rms", (1.0, 2.0), None, True),
+        ("{} N rms", (1.0, 2.0), "rms", False),
+        ("{} N rms", (1.414, 2.828), None, False),
+        ("{} lbf", (4.448, 8.896), None, False),
+        ("{} g", (4.448, 8.896), None, False),
+    ],
+)
+def test_a_stated_force_that_is_not_that_of_the_label_is_doubted(tmp_path, title, forces, scaling, said):
+    """Forces in another order than the sweeps, one for all, or rms values: levels and damping law were wrong."""
+    f, sets = np.linspace(31.0, 38.0, 60), []
+    for force in (1.0, 2.0):
+        H = -((2 * np.pi * f) ** 2) * slide(f, force, hertz=34.0, mass=10.0, ratio=0.01, friction=0.1)
+        sets.append(data_set(title.format(force), f, H, function=4, ordinate=(12, "m/s^2"), per=(13, "N")))
+    (tmp_path / "a.uff").write_text("".join(sets))
+    stated = Stated(forces=forces, force_scaling=scaling)
+    series, summary = read_file(tmp_path / "a.uff", stated)
+    steady_record(series, stated, tmp_path / "a.uff", summary)
+    assert any("names another level than --force" in note for note in summary.notes) == said
+
+
 @pytest.mark.parametrize("named", ["name", "line", "header", ""])
 def test_tables_of_functions_name_their_excitation_anywhere(tmp_path, named):
     """In the name of the file, in a line above the table or in a header, and not in ID lines alone."""
