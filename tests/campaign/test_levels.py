@@ -284,7 +284,7 @@ def test_decays_tell_neighbours_apart(tmp_path, upper):
         assert np.all(mode.shape_sd < 5e-3)
 
 
-@pytest.mark.parametrize(("upper", "size"), [(21.6, 0.5), (20.5, 1.0)])
+@pytest.mark.parametrize(("upper", "size"), [(21.6, 0.45), (20.5, 1.0)])
 def test_decays_of_close_modes_are_told_apart(tmp_path, upper, size):
     """Two linear modes in one peak of the averaged spectrum of 12 s, in closed form; noise is 0.05 % of the first.
 

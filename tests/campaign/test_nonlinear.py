@@ -14,6 +14,7 @@ from damping.campaign.sources import read_runs
 from damping.errors import InputError
 from damping.formats import read_file
 from damping.formats.series import Stated
+from damping.formats.steady import steady_record
 from tests.campaign.spectra import data_set, write_force_runs
 
 LEVELS = (0.5, 1.0, 2.0, 4.0)
@@ -97,6 +98,63 @@ def test_functions_of_another_excitation_than_a_sine_are_doubted(tmp_path, title
     ):
         assert any("with a stepped or swept sine" in note for note in notes)
         assert any("caution" in note and "not of a sine" in note for note in notes) == said
+
+
+@pytest.mark.parametrize(
+    ("title", "forces", "scaling", "said"),
+    [
+        ("{} N", (1.0, 2.0), None, False),
+        ("{} N", (2.0, 1.0), None, True),
+        ("{} N", (1.0,), None, True),
+        ("{} N rms", (1.0, 2.0), None, True),
+        ("{} N rms", (1.0, 2.0), "rms", False),
+        ("{} N rms", (1.414, 2.828), None, False),
+        ("{} lbf", (4.448, 8.896), None, False),
+        ("{} g", (4.448, 8.896), None, False),
+    ],
+)
+def test_a_stated_force_that_is_not_that_of_the_label_is_doubted(tmp_path, title, forces, scaling, said):
+    """Forces in another order than the sweeps, one for all, or rms values: levels and damping law were wrong."""
+    f, sets = np.linspace(31.0, 38.0, 60), []
+    for force in (1.0, 2.0):
+        H = -((2 * np.pi * f) ** 2) * slide(f, force, hertz=34.0, mass=10.0, ratio=0.01, friction=0.1)
+        sets.append(data_set(title.format(force), f, H, function=4, ordinate=(12, "m/s^2"), per=(13, "N")))
+    (tmp_path / "a.uff").write_text("".join(sets))
+    stated = Stated(forces=forces, force_scaling=scaling)
+    series, summary = read_file(tmp_path / "a.uff", stated)
+    steady_record(series, stated, tmp_path / "a.uff", summary)
+    assert any("names another level than --force" in note for note in summary.notes) == said
+
+
+@pytest.mark.parametrize("named", ["name", "line", "header", ""])
+def test_tables_of_functions_name_their_excitation_anywhere(tmp_path, named):
+    """In the name of the file, in a line above the table or in a header, and not in ID lines alone."""
+    f = np.linspace(31.0, 38.0, 60)
+    H = -((2 * np.pi * f) ** 2) * slide(f, 2.0, hertz=34.0, mass=10.0, ratio=0.01, friction=0.1)
+    file = tmp_path / ("bracket_random_2N.csv" if named == "name" else "bracket_2N.csv")
+    above = "Anregung: Rauschen\n" if named == "line" else ""
+    word = "random " if named == "header" else ""
+    header = f"frequency [Hz],{word}tip re [m/s^2/N],{word}tip im [m/s^2/N],coherence"
+    rows = np.column_stack([f, H.real, H.imag, 0.99 + 0 * f])
+    np.savetxt(file, rows, delimiter=",", header=above + header, comments="")
+    stated = Stated(forces=(2.0,), units={"force": "N"}, columns={"x": "2", "y": "3"})
+    series, summary = read_file(file, stated)
+    steady_record(series, stated, file, summary)
+    for notes in (read_runs([file], 1_000_000)[1].notes, summary.notes):
+        assert any("with a stepped or swept sine" in note for note in notes)
+        assert any("caution" in note and "not of a sine" in note for note in notes) == bool(named)
+
+
+def test_a_level_that_one_function_of_a_run_names_is_that_of_all(tmp_path):
+    """The drive alone has it in its ID line; the others were taken for a run of free decays."""
+    t = np.arange(0.0, 60.0, 1 / 256)
+    drive = 2.0 * np.sin(2 * np.pi * 11.0 * t)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(len(t))
+    sets = [data_set("force 2 N", t, drive, function=1, ordinate=(13, "N"), node=9, abscissa=(17, "s"))]
+    sets.append(data_set("tip", t, 3.0 * drive + noise, function=1, ordinate=(12, "m/s^2"), abscissa=(17, "s")))
+    (tmp_path / "a.uff").write_text("".join(sets))
+    (run,), _ = read_runs([tmp_path / "a.uff"], 10_000_000)
+    assert (run.level, run.drive_unit, [channel.name for channel in run.channels]) == (2.0, "N", ["tip"])
 
 
 def dwell(path, *, turned=(), drive=1.0):

@@ -178,6 +178,22 @@ def test_phases_are_read_by_name_and_sense(tmp_path, phase, sign):
     require_truth(read_runs(files, SIZE)[0])
 
 
+@pytest.mark.parametrize(("unit", "factor"), [("deg", 180.0 / np.pi), ("rad", 1.0)])
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_an_array_called_phase_with_a_unit_leads_or_lags_by_its_direction(tmp_path, unit, factor, sense):
+    """It was taken for the lag of a record, as a column without a unit is: a lead hid every mode."""
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for level in (1.0, 2.0):
+            run, H = file.create_group(f"run_{level:g}N"), move(level)[0]
+            run["frequency"], run["force"] = F, np.full(len(F), level)
+            run["force"].attrs["units"] = "N"
+            for name, values, text in (("Acc", abs(H), "g"), ("Phase", sense * factor * np.angle(H), unit)):
+                run[name] = values
+                run[name].attrs["units"] = text
+    for run in read_runs([tmp_path / "a.h5"], 10_000_000)[0]:
+        np.testing.assert_allclose(run.channels[0].samples, move(run.level)[0], rtol=1e-9)
+
+
 def test_modes_and_damping_are_the_true_ones(tmp_path):
     """Frequency to 1e-4, damping ratio at the peak to 1 %: without noise only the growth within a level is left."""
     levels = fit_levels(read_runs(write("csv", tmp_path), SIZE)[0])

@@ -158,6 +158,8 @@ def test_usual_names_of_an_abscissa_need_no_map(truth, tmp_path, imported, name)
     path = tmp_path / "a.mat"
     scipy.io.savemat(path, {name: truth.f, "frf": truth.H, "F": 3.0 * truth.f, "fs": 1000.0})
     close(imported(path, columns={"response": "frf"}, forces=(truth.F,), **SI).record, truth)
+    stated = {"columns": {"response": "frf"}, "forces": (truth.F / 2**0.5,), "force_scaling": "rms"}
+    close(imported(path, **stated, **SI).record, truth)  # it was passed over
 
 
 def test_csv_with_a_column_map(truth, tmp_path, imported):

@@ -260,6 +260,36 @@ def test_a_beat_that_only_slows_the_decay_is_said(share: float, said: bool) -> N
     assert any("frequency swings" in note for note in decay(t, beating).notes) is said
 
 
+@pytest.mark.parametrize("share", [0.0, 0.1])
+def test_a_beat_of_which_only_fast_parts_are_read_is_refused(share: float) -> None:
+    """Modes 6 % apart, a ratio that grows with amplitude from 0.6 to 1.1 %: slow parts of the beat show no slope, so
+    that the others alone, at 1.8 %, were levels of the decay.
+    """
+    times = np.arange(0.0, 40.0, 1 / 256)
+    w, z, growth, A_0 = 2 * np.pi * 11.0, 0.006, 385.0, 2e-3
+    A = 1 / ((1 / A_0 + growth) * np.exp(z * w * times) - growth)
+    beside = share * A_0 * np.exp(-z * w * times) * np.cos(1.06 * w * times)
+    x = A * np.cos(w * times) + beside + 5e-8 * np.random.default_rng(5).standard_normal(len(times))
+    if share:
+        with pytest.raises(AnalysisError, match=r"lose \S+ times what the amplitude loses .* two modes that beat"):
+            ring_down(times, x, order=0, mass=1.0, frequency=11.0)
+    else:
+        found = ring_down(times, x, order=0, mass=1.0, frequency=11.0)
+        assert found.damping_ratio == pytest.approx(z * (1 + growth * found.amplitude), rel=0.05)
+
+
+def test_a_beat_that_leaves_few_levels_beyond_doubt_is_said() -> None:
+    """Modes 6 % apart, the smaller, of 0.15, with less damping: from half of the decay on it is the larger."""
+    times = np.arange(0.0, 40.0, 1 / 256)
+    w, z, growth, A_0 = 2 * np.pi * 11.0, 0.006, 385.0, 2e-3
+    A = 1 / ((1 / A_0 + growth) * np.exp(z * w * times) - growth)
+    beside = 0.15 * A_0 * np.exp(-0.005 * w * times) * np.cos(1.06 * w * times)
+    x = A * np.cos(w * times) + beside + 5e-8 * np.random.default_rng(5).standard_normal(len(times))
+    found = ring_down(times, x, order=0, mass=1.0, frequency=11.0)
+    assert found.damping_ratio[0] > 2.0 * z * (1 + growth * found.amplitude[0])  # what the caution is for
+    assert any("every damping ratio may be too large" in note for note in found.notes)
+
+
 def test_a_tone_beside_the_mode_is_said() -> None:
     """Hum of 2 %, 5 % higher, beats with the decay when this has come down to it; alone, it falls to its noise."""
     t, x = exponential(0.008, 120)

@@ -41,6 +41,10 @@ def _group_functions(functions: Sequence[Function]) -> dict[str, list[Function]]
         if _NO_LEVEL not in in_line and (bare or apart):
             labels = in_line
             break
+    levels = set(labels) - {_NO_LEVEL}
+    places_apart = len({(_drop_level(f.of.title), place[1:]) for f, place in zip(functions, places, strict=True)})
+    if len(levels) == 1 and places_apart == len(functions):  # named by one function of a run, such as the drive
+        labels = [levels.pop()] * len(labels)
     groups: dict[str, list[Function]] = {}
     for label, function in zip(labels, functions, strict=True):
         groups.setdefault(label, []).append(function)

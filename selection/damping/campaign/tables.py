@@ -19,6 +19,7 @@ from damping.campaign.sensors import find_exchanged, refuse_exchanged
 from damping.campaign.tracked import Source
 from damping.errors import InputError
 from damping.formats.conversion import SCALINGS
+from damping.formats.excitation import note_excitation
 from damping.formats.levels import find_level
 from damping.formats.named import read_facts, require_linear, to_series
 from damping.formats.quantity import find_powers, unit
@@ -176,7 +177,13 @@ def _list_runs(content: _Content) -> list[CampaignRun]:
         _list_rows(content, s, {name: factors[name] * of[k].response for name, of in series.items()})
         for k, s in enumerate(first)
     ]
-    return [_make_run(content, sweep) for sweep in _settle_sense(content, sweeps)]
+    runs = [_make_run(content, sweep) for sweep in _settle_sense(content, sweeps)]
+    if any(channel.per_drive for run in runs for channel in run.channels):
+        table, labels = content.table, (run.label for run in runs)
+        headers = (header.text for header in table.headers)
+        texts = (content.source.file.stem, table.label, *labels, *table.content.remarks, *headers)
+        note_excitation(texts, content.source.summary)
+    return runs
 
 
 def _find_peak_factors(content: _Content) -> dict[str, float]:

@@ -162,6 +162,7 @@ def _list_table_series(
         scaling=scaling,
         peak_assumed=[what for what, says_nothing in silent.items() if says_nothing and response is not None],
         force_scaling=force_scaling,
+        remarks=(*table.remarks, *(header.text for header in table.headers)),
     )
     return to_series(numbers, labels, facts, label, summary, peak=kind == "csv")
 

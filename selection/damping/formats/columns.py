@@ -20,6 +20,7 @@ from damping.records.keys import LARGEST
 from damping.records.text import CsvRows, count, describe_cell, recode, unguarded
 
 _LONGEST_LINE = 1_000_000
+_LONGEST_REMARK = 1000  # bytes of a line above the header
 _LOOKED_AT = 60  # lines from which the layout is determined
 _DAY = 86400.0  # s
 _COMMENTS = ("#", "%")
@@ -128,6 +129,12 @@ class TextTable:
     is_doubtful: bool  #: decimal marks may stand between thousands
     places: tuple[int, ...] = ()  #: of its columns in the file, if it has only some of them
     level: tuple[float, str] | None = None  #: that these are of, with its unit
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """The lines above the header, of which the first are looked at."""
+        above = self.data.replace(b"\r\n", b"\n").split(b"\n", min(self.line - 1, _LOOKED_AT))[:-1]
+        return tuple(line[:_LONGEST_REMARK].decode(errors="replace").strip() for line in above)
 
     def read(self, places: Mapping[str, int]) -> tuple[dict[str, FloatArray], tuple[str, ...] | None]:
         """Numbers (n,) of columns by role, and the text of the role ``sweep``; None if it has no place.

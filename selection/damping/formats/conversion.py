@@ -54,6 +54,12 @@ class Statements:
         """Name of the scaling of amplitudes."""
         return self.stated.scaling or self.facts.scaling
 
+    @property
+    def is_ratio(self) -> bool:
+        """Whether the response is known to be a ratio to force."""
+        powers, name = find_powers(self.unit_of("response")), self.response  # a unit not understood is asked for later
+        return bool(self.facts.per_force or (name in RESPONSES and RESPONSES[name][1]) or (powers and powers[0] == -1))
+
     def unit_of(self, what: str) -> str:
         """Text of a unit, '' if neither states it."""
         return self.stated.units.get(what) or self.facts.units.get(what) or ""
@@ -188,9 +194,7 @@ def ask(known: Statements, *, force: bool | None) -> None:
             missing[f"unit of the {what}"] = f"--unit {what}={example}"
     if force is False:
         missing["force"] = "--force AMPLITUDE of each sweep"
-    powers = find_powers(known.unit_of("response"))  # one that is not understood is asked for elsewhere
-    ratio = known.facts.per_force or (typed in RESPONSES and RESPONSES[typed][1]) or (powers and powers[0] == -1)
-    if force is not None and not ratio and not known.scaling:
+    if force is not None and not known.is_ratio and not known.scaling:
         missing["scaling of amplitudes"] = f"--scaling {' or '.join(SCALINGS)}"
     if len(missing) > 1:
         *first, last = missing

@@ -124,9 +124,9 @@ def parse_header(text: str) -> ColumnHeader:
     within, inner = _take_scaling(within, apart=False)
     name, first = _take_scaling(title, apart=True)
     if within and (letter := _LETTER.fullmatch(name)):  # arms [g], vpp [V]
-        name, first = letter["letter"], _name_scaling(letter)
+        name, first = letter["letter"], name_scaling(letter)
     known = name.lower() in _KNOWN_NAMES  # other names may be of sensors: roof N, roof pk
-    scaling = inner or last or first or _name_scaling(SCALING_WITHIN.search(title)) or _find_joined(title)
+    scaling = inner or last or first or name_scaling(SCALING_WITHIN.search(title)) or _find_joined(title)
     title = title if within or match else text.strip()
     return ColumnHeader(text, name if known else title, within, scaling, title)
 
@@ -159,7 +159,7 @@ def _take_scaling(text: str, *, apart: bool) -> tuple[str, str | None]:
     scaled = _SCALING.search(text)
     if scaled is None or (apart and not (scaled["apart"] and scaled.start())):
         return text, None
-    return text[: scaled.start()].strip(), _name_scaling(scaled)
+    return text[: scaled.start()].strip(), name_scaling(scaled)
 
 
 def _find_joined(title: str) -> str | None:
@@ -168,7 +168,8 @@ def _find_joined(title: str) -> str | None:
     return scaling if alone and any(find_powers(alone) or ()) else None
 
 
-def _name_scaling(scaled: re.Match[str] | None) -> str | None:
+def name_scaling(scaled: re.Match[str] | None) -> str | None:
+    """Name of a scaling that ``SCALING_WITHIN`` found; None if it found none."""
     return None if scaled is None else "peak-to-peak" if scaled["pp"] else "rms" if scaled["rms"] else "peak"
 
 

@@ -50,6 +50,7 @@ class ArrayTable:
     places: tuple[int, ...] = ()  #: of its columns among the arrays, if it has only some of them
     level: tuple[float, str] | None = None  #: that these are of, with its unit
     line: None = None  #: a text has that of its header
+    remarks: tuple[str, ...] = ()  #: a text has lines above its header
 
     def read(self, places: Mapping[str, int]) -> tuple[dict[str, Samples], tuple[str, ...] | None]:
         """Columns by role, and the text of the role ``sweep`` in each row; None if it has no place, or one number."""

@@ -143,7 +143,7 @@ def _drop_words(text: str, words: Collection[str]) -> str:
 
 def _name_role(kind: str, header: ColumnHeader) -> str:
     """The role of a phase, by its sense and unit."""
-    if header.text.lower() == "phase":  # as in a record
+    if header.text.lower() == "phase" and not header.unit:  # as in a record
         return "phase"
     degrees = header.angle == "degrees" or any(describe_angle(w) == "degrees" for w in header.name.lower().split("_"))
     if kind == "lag":

@@ -8,8 +8,20 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, BoolArray, FloatArray, wrap_lag
 from damping.errors import InputError, naming
-from damping.formats.conversion import Conversion, Statements, ask, conversion, deviation_factor, other_factor, scaling
-from damping.formats.quantity import SYSTEMS
+from damping.formats.conversion import (
+    SCALINGS,
+    Conversion,
+    Statements,
+    ask,
+    conversion,
+    deviation_factor,
+    other_factor,
+    scaling,
+)
+from damping.formats.excitation import note_excitation
+from damping.formats.headers import SCALING_WITHIN, name_scaling
+from damping.formats.levels import find_level
+from damping.formats.quantity import SYSTEMS, find_powers, unit
 from damping.formats.series import Samples, Series, Stated, Summary
 from damping.records.record import Record, find_problems
 from damping.records.text import count, name_apart
@@ -22,6 +34,7 @@ FOLLOWS = "follows: a passive structure absorbs energy"  #: source of the sense 
 #: Least `measure_turn` by which a phase is a lead or a lag. Of 1800 whole sweeps, linear or not, with noise to 10 %,
 #: none was read in the wrong sense, of 1800 of one flank of a resonance 22 (by the slope of the lag, 21 and 26).
 LEAST_TURN = 0.03
+_LABEL_AGREES = 0.05  # relative difference of a stated force and the level in a label, up to which they are the same
 _POWERS = {"energy": (1, 1, 0), "mass": (1, -1, 2)}
 
 
@@ -36,6 +49,9 @@ def steady_record(series: Sequence[Series], stated: Stated, file: str | Path, su
     """
     with naming(file):
         table = _tabulate(series, stated, summary)
+        if any(Statements(row.facts, stated, summary).is_ratio for row in series):
+            texts = (text for row in series for text in (row.label, *row.facts.remarks))
+            note_excitation((Path(file).stem, *texts), summary)
     return Record(table, str(file))
 
 
@@ -190,11 +206,26 @@ def _force(row: Series, keep: BoolArray, level: float | None, to: Conversion, kn
     if to.force is None:
         raise InputError("the unit of the force is neither in the file nor stated", expected="--unit force=N")
     if level is not None:
-        known.summary.add("force", f"{level:g} {known.unit_of('force')}".strip() + " at every row", "stated")
-        return np.full(int(np.count_nonzero(keep)), level * to.force)
+        scaled = known.stated.force_scaling
+        said = " ".join(filter(None, (f"{level:g}", known.unit_of("force"), scaled)))
+        known.summary.add("force", f"{said} at every row", "stated")
+        _compare_with_label(row.label, level, known)
+        return np.full(int(np.count_nonzero(keep)), level * to.force * SCALINGS[scaled or "peak"])
     known.summary.add("force", "measured at every row", "found in the file")
     assert row.force is not None  # checked above
     return np.asarray(row.force[keep] * to.force * scaling(known, of_force=True))
+
+
+def _compare_with_label(label: str, stated: float, known: Statements) -> None:
+    """Note a caution if a label names another level than the force that is stated."""
+    named, text = find_level(label.replace("_", " ")), known.unit_of("force")
+    if named is None or not named[0] > 0.0 or known.stated.consistent or find_powers(text) != find_powers(named[1]):
+        return
+    peak = stated * unit(text).factor * SCALINGS[known.stated.force_scaling or "peak"]
+    of_label = named[0] * unit(named[1]).factor * SCALINGS[name_scaling(SCALING_WITHIN.search(label)) or "peak"]
+    if abs(peak / of_label - 1.0) > _LABEL_AGREES:
+        remedy = "give one --force for each sweep, in their order, and --scaling force=rms if they are rms"
+        known.summary.note(f"caution: {label!r} names another level than --force {stated:g} {text}: {remedy}")
 
 
 def _turned(response: FloatArray, X: FloatArray, frequency: FloatArray, label: str, known: Statements) -> FloatArray:

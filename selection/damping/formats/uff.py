@@ -9,7 +9,6 @@ errors name no line, and it writes neither spectra (type 12) nor sweeps of one r
 in memory, where 3 to 5 times are taken here.
 """
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
+from damping.formats.excitation import note_excitation
 from damping.formats.headers import ABSCISSAS, NAMES, refuse_decibels
 from damping.formats.quantity import unit
 from damping.formats.series import MOST_SWEEPS, FileFacts, Samples, Series, Summary
@@ -29,8 +29,6 @@ _FUNCTIONS: dict[int, str] = {int(code): name for code, name in NAMES["uff"]["fu
 _TAKEN = (0, 1, 4, 12)  # the others are squares, ratios of motions, or not functions of time or frequency
 _PER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
 _MOST_LISTED = 12
-#: Words for an excitation whose response at one frequency is not that to a sine of the stated amplitude.
-_BROADBAND = re.compile(r"(?i)(?<![a-z])(random|noise|burst|chirp|impact|hammer|impulse|psd)(?![a-z])")
 
 
 def read_uff(data: bytes, summary: Summary, datasets: tuple[int, ...], labels: tuple[str, ...]) -> list[Series]:
@@ -92,16 +90,10 @@ def read_functions(data: bytes, summary: Summary) -> list[Function]:
 
 
 def _note_excitation(entries: Sequence[DataSet], summary: Summary) -> None:
-    """Note what frequency responses are taken as, or a caution if an ID line names another excitation than a sine."""
+    """Note what frequency responses were measured with, by their ID lines."""
     texts = [text for entry in entries if entry.function == 4 for text in (entry.title, *entry.notes)]
-    other = next((text for text in texts if _BROADBAND.search(text)), None)
-    if other is not None:
-        damping = "shows the damping of that motion, not of a sine of the amplitude of its level"
-        wrong = "if damping changes with amplitude, levels and predictions are wrong"
-        said = f"a function of such an excitation {damping}; {wrong}: measure with a stepped or swept sine"
-        summary.note(f"caution: {describe_shortened(other)!r}: {said}")
-    elif texts:
-        summary.note("functions are taken as measured with a stepped or swept sine of the amplitude of their level")
+    if texts:
+        note_excitation(texts, summary)
 
 
 def _as_lines(data: bytes) -> bytes:

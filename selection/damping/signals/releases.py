@@ -23,6 +23,11 @@ _FALLEN = 3.0
 _SWING = 3.0
 _OF_RATE = 0.2
 _TURNS = 2
+#: Largest factor between the decay that levels have and the fall of amplitude from the first to the last of them, and
+#: standard errors by which it must be exceeded. Of 1493 decays of one mode, of four kinds of damping, with noise up to
+#: 10 %, none exceeded it; of 407 beats of two 33 did, with damping ratios up to 2.5 times too large.
+_ADDS_UP = 1.2
+_SURE = 3.0
 
 
 def find_release(x: FloatArray, z: ComplexArray, window: Window, cycles: float) -> int:
@@ -113,13 +118,46 @@ def _find_floor(size: FloatArray, least: float) -> float:
     return halves[1] if stays else 0.0
 
 
+_APART = (
+    "choose a part without (--start, --end), or a sensor or a blow that moves one mode alone; of several sensors "
+    "damping campaign --modes F1,F2 parts the modes"
+)
+
+
 def report_growth(since: float) -> AnalysisError:
     """The error on a decay that grows from the time ``since`` on."""
-    return AnalysisError(
-        f"the decay grows again from {since:.4g} s on: two modes that beat, or another blow; choose a part without "
-        "(--start, --end), or a sensor or a blow that moves one mode alone; of several sensors damping campaign "
-        "--modes F1,F2 parts the modes"
-    )
+    return AnalysisError(f"the decay grows again from {since:.4g} s on: two modes that beat, or another blow; {_APART}")
+
+
+def refuse_gaps(levels: pd.DataFrame, surely: pd.DataFrame) -> list[str]:
+    """Caution on levels that are only those parts of a beat in which the sum of two modes falls fast.
+
+    AnalysisError: they are so among those that no tone beside the mode makes doubtful, ``surely``.
+    """
+    if (times := _compare_falls(surely)) > 0.0:
+        since, end = surely["t"].iloc[0], surely["t"].iloc[-1]
+        raise AnalysisError(
+            f"the levels whose decay can be read lose {times:.2g} times what the amplitude loses from {since:.4g} to "
+            f"{end:.4g} s: two modes that beat, of which only the parts that fall fast are read; {_APART}"
+        )
+    if (times := _compare_falls(levels)) == 0.0:
+        return []
+    read = f"all levels lose {times:.2g} times what the amplitude loses between the first and the last of them"
+    return [f"caution: {read}, as parts of a beat that fall fast do: every damping ratio may be too large; {_APART}"]
+
+
+def _compare_falls(levels: pd.DataFrame) -> float:
+    """Decay of levels over the fall of their amplitude, if it is surely above ``_ADDS_UP``; else 0.
+
+    ``levels``: one row each, largest first, with the time ``t``, ``A``, ``delta`` and its standard error ``sd_delta``.
+    Where one is left out, the decay rate is taken as linear in time between its neighbours.
+    """
+    t, A, delta, sd = (levels[name].to_numpy(dtype=np.float64) for name in ("t", "A", "delta", "sd_delta"))
+    if len(t) < 2:
+        return 0.0
+    of_each, fall = 0.5 * (np.diff(t, append=t[-1]) + np.diff(t, prepend=t[0])), float(np.log(A[0] / A[-1]))
+    found, error = float(of_each @ delta), float(np.linalg.norm(of_each * sd))
+    return found / fall if found - _ADDS_UP * fall > _SURE * error else 0.0
 
 
 def describe_beat(levels: pd.DataFrame) -> list[str]:

@@ -35,6 +35,7 @@ from damping.signals.releases import (
     describe_releases,
     find_release,
     find_return,
+    refuse_gaps,
     report_growth,
 )
 from damping.signals.windows import (
@@ -112,7 +113,7 @@ def ring_down(
         end: of that part, s.
 
     InputError: times that are not evenly spaced, too few samples per period, or a part that is not in the record.
-    AnalysisError: no long enough decay above the noise, one that grows again, or clipped readings.
+    AnalysisError: no long enough decay above the noise, one that grows again or beats, or clipped readings.
     """
     if not (periods >= 4.0 and levels >= 1):
         raise InputError("the window or the levels are too few", expected="at least 4 periods and 1 level")
@@ -151,7 +152,8 @@ def ring_down(
         lost.append(f"caution: {stays}: {doubt}")
     shift = float(kept["omega"].iloc[0] / kept["omega"].iloc[-1]) - 1.0
     lost += describe_flat(window, x[first : last + len(window.offsets) - 1], z[first:last], order, shift)
-    lost += describe_beat(kept[kept["A"] >= again / GROWN])
+    surely = kept[kept["A"] >= again / GROWN]
+    lost += refuse_gaps(kept, surely) + describe_beat(surely)
     return _balance_energy(kept, mass, noise, [*jitter, *lost, *notes])
 
 
