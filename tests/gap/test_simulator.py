@@ -174,6 +174,21 @@ def test_a_parameter_beyond_its_tolerance_is_told_with_its_value(mode, wrong, fa
     np.testing.assert_allclose(values, [given[wrong] / factor], rtol=0.01)
 
 
+def test_a_default_that_is_no_pair_is_told_and_numbers_of_numpy_are_numbers(mode):
+    def of(pair):
+        def function(force, frequency, *, stiffness=pair):
+            return simulate(force, frequency, stiffness=stiffness)
+
+        return function
+
+    with pytest.raises(
+        dp.InputError, match=r"stiffness of the simulator has the default 7\.5; expected a default \(value"
+    ):
+        Simulator.read(of(7.5), mode)
+    read = Simulator.read(of((np.int64(8), np.float32(0.5))), mode)
+    assert read.tolerances == {"stiffness": 0.5}
+
+
 def test_a_tolerance_in_per_cent_is_told(record, mode):
     def stated(force, frequency, *, stiffness=(STIFFNESS, 2.0)):
         return simulate(force, frequency, stiffness=stiffness)

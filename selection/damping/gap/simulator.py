@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from inspect import signature
+from numbers import Real
 from pathlib import Path
 from traceback import extract_tb
 from typing import NamedTuple
@@ -16,6 +17,7 @@ from damping.effects.contract import Drive, OfDrive, Terms
 from damping.effects.terms import complex_stiffness
 from damping.errors import InputError
 from damping.records.mode import Mode
+from damping.records.text import describe_shortened
 
 #: Step of the slopes about fitted parameters, over a tolerance: they are near the answer, and a tenth of a tolerance of
 #: 1 % is still a thousand times what an iterative solution may be off.
@@ -23,6 +25,9 @@ _NEAR_STEP = 0.1
 
 #: A user's own simulation: force (n,), frequency in Hz (n,) and its parameters by name in, amplitude and phase lag out.
 Simulate = Callable[..., tuple[FloatArray, FloatArray]]
+
+
+_EXPECTED_DEFAULT = "a default (value, tolerance), tolerance 0 where the value is exact"
 
 
 class Expansion(NamedTuple):
@@ -76,9 +81,9 @@ class Simulator:
         values, tolerances = {}, {}
         for parameter in parameters:
             pair = parameter.default
-            if not (isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(v, int | float) for v in pair)):
-                what = f"parameter {parameter.name} of the simulator has no such default"
-                raise InputError(what, expected="a default (value, tolerance)")
+            if not (isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(v, Real) for v in pair)):
+                given = "no default" if pair is parameter.empty else f"the default {describe_shortened(repr(pair), 40)}"
+                raise InputError(f"parameter {parameter.name} of the simulator has {given}", expected=_EXPECTED_DEFAULT)
             value, tolerance = map(float, pair)
             if not np.isfinite(value) or (value == 0.0 and tolerance > 0.0):
                 what = f"parameter {parameter.name} of the simulator is {value:g}"
