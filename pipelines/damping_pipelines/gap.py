@@ -14,7 +14,7 @@ from typing import Any
 
 import damping
 from damping.errors import AnalysisError, DampingError, InputError, escape_control
-from damping.gap.simulation import Simulate
+from damping.gap.simulator import Simulate
 from damping.records.mode import describe_mode_to_toml, read_mode
 from damping.records.reading import read_record
 from damping.records.text import DEFAULT_MAX_SIZE, count

@@ -29,7 +29,7 @@ from damping.result import AuditResult, ConditionResult, DiagnosisResult, Regres
 
 if TYPE_CHECKING:
     from damping.gap.problem import State
-    from damping.gap.simulation import Simulate
+    from damping.gap.simulator import Simulate
     from damping.gap.sweeping import Direction, Method
     from damping.signals.description import Description
 

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 import damping as dp
 from damping.answers import CurveResult, LoadsResult
 from damping.extrapolation.requested import check_loads, list_asked
-from damping.gap.simulation import Simulator
+from damping.gap.simulator import Simulator
 from damping.plots.curves import damping_curve
 from damping.plots.fits import ranking, sweeps
 from damping_reed1970 import data_folder

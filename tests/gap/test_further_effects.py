@@ -25,7 +25,7 @@ from damping.gap.corrected import describe_effects, effect_intervals, effect_val
 from damping.gap.diagnose import diagnose, explain
 from damping.gap.problem import exclude_effects, setting
 from damping.gap.search import Search
-from damping.gap.simulation import Simulator
+from damping.gap.simulator import Simulator
 from damping.predict.steady import resonant_amplitude
 from damping.predict.sweep_rate import envelope
 from damping.records.mode import Rig, Tolerance, Units

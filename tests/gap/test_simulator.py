@@ -11,8 +11,9 @@ import pytest
 import damping as dp
 from damping.arrays import RAD_S_PER_HZ
 from damping.effects import CATALOGUE
+from damping.gap.corrected import refitted_values
 from damping.gap.diagnose import explain
-from damping.gap.simulation import Simulator
+from damping.gap.simulator import Simulator
 from damping.gap.simulator_checks import check_simulator
 from damping.records.text import Disagreement
 from damping.report.gap import order_cautions
@@ -173,6 +174,30 @@ def test_a_parameter_beyond_its_tolerance_is_told_with_its_value(mode, wrong, fa
     np.testing.assert_allclose(values, [given[wrong] / factor], rtol=0.01)
 
 
+def test_a_default_that_is_no_pair_is_told_and_numbers_of_numpy_are_numbers(mode):
+    def of(pair):
+        def function(force, frequency, *, stiffness=pair):
+            return simulate(force, frequency, stiffness=stiffness)
+
+        return function
+
+    with pytest.raises(
+        dp.InputError, match=r"stiffness of the simulator has the default 7\.5; expected a default \(value"
+    ):
+        Simulator.read(of(7.5), mode)
+    read = Simulator.read(of((np.int64(8), np.float32(0.5))), mode)
+    assert read.tolerances == {"stiffness": 0.5}
+
+
+def test_a_tolerance_in_per_cent_is_told(record, mode):
+    def stated(force, frequency, *, stiffness=(STIFFNESS, 2.0)):
+        return simulate(force, frequency, stiffness=stiffness)
+
+    assert check_simulator(Simulator.read(simulate, mode), record) == ()
+    (told,) = check_simulator(Simulator.read(stated, mode), record)
+    assert told == "the simulator states a tolerance of 200 % of stiffness: is it in per cent? 0.02 is 2 %"
+
+
 def test_a_parameter_of_zero_cannot_vary_by_a_share(mode):
     def shifted(force, frequency, *, shift=(0.0, 0.1)):
         return simulate(force, frequency, stiffness=STIFFNESS + shift)
@@ -184,3 +209,59 @@ def test_a_parameter_of_zero_cannot_vary_by_a_share(mode):
         return simulate(force, frequency, stiffness=STIFFNESS + shift)
 
     assert Simulator.read(held, mode).tolerances == {"shift": 0.0}
+
+
+def swept(truth, seed: int) -> dp.Record:
+    """Rows of `sprung` at true values, three levels, with noise of 0.5 % and 5 mrad."""
+    rng, rows = np.random.default_rng(seed), []
+    centre = np.sqrt(truth["stiffness"] / MASS) / (2.0 * np.pi)
+    for label, force in zip("ABC", (1.0, 2.0, 4.0), strict=True):
+        frequency = centre * (1.0 + 0.04 * np.linspace(-1.0, 1.0, 21))
+        A, phase = sprung(np.full(21, force), frequency, **truth)
+        A, phase = A * (1.0 + 0.005 * rng.normal(size=21)), phase + 0.005 * rng.normal(size=21)
+        rows.append(
+            pd.DataFrame({"sweep": label, "force": force, "frequency": frequency, "amplitude": A, "phase": phase})
+        )
+    return dp.Record(pd.concat(rows, ignore_index=True))
+
+
+def sprung(force, frequency, *, stiffness=(STIFFNESS, 0.15), loss=(LOSS, 0.5)):
+    Z = stiffness * (1.0 + 1j * loss) - MASS * (2.0 * np.pi * frequency) ** 2
+    return force / np.abs(Z), np.angle(Z)
+
+
+@pytest.mark.parametrize(("stiffness", "loss"), [(0.82, 0.65), (1.25, 1.8)])
+def test_parameters_far_within_a_wide_tolerance_are_exact(mode, stiffness, loss):
+    """A line in ln(parameter) through the stated value is 3 % of the stiffness off there, many errors of the fit."""
+    truth = {"stiffness": stiffness * STIFFNESS, "loss": loss * LOSS}
+    library = {name: CATALOGUE[name] for name in ("viscous-coefficient", "coulomb-friction")}
+    found = limited(library, explain, swept(truth, seed=7), mode, simulate=sprung)
+    assert found.leading.effects == ()
+    refitted = refitted_values(found.leading.best)
+    np.testing.assert_allclose(refitted["stiffness"], stiffness - 1.0, atol=0.0005)
+    np.testing.assert_allclose(refitted["loss"], loss - 1.0, atol=0.005)
+    assert not any("extrapolated" in caution for caution in found.cautions)
+
+
+def test_a_simulator_that_fails_at_the_fitted_parameters_is_told(mode):
+    def brittle(force, frequency, *, stiffness=(STIFFNESS, 0.15)):
+        if stiffness < 0.9 * STIFFNESS:
+            raise ArithmeticError("no convergence")
+        return sprung(force, frequency, stiffness=stiffness, loss=LOSS)
+
+    record = swept({"stiffness": 0.82 * STIFFNESS, "loss": LOSS}, seed=7)
+    found = limited({}, explain, record, mode, simulate=brittle)
+    (told,) = [caution for caution in found.cautions if "extrapolated" in caution]
+    assert re.search(r"stiffness = \d+\.?\d* ends with ArithmeticError", told)
+
+
+def test_a_simulator_without_freedom_may_be_of_another_frequency(mode):
+    """1 % off in stiffness, where a line from zero to three tolerances of the mode promises nothing."""
+
+    def fixed(force, frequency, *, stiffness=(STIFFNESS, 0.0)):
+        return sprung(force, frequency, stiffness=stiffness, loss=LOSS)
+
+    library = {name: CATALOGUE[name] for name in ("natural-frequency", "drift")}
+    record = swept({"stiffness": 0.99 * STIFFNESS, "loss": LOSS}, seed=15)
+    found = limited(library, explain, record, mode, simulate=fixed)
+    assert found.leading.effects == ("natural-frequency",)

@@ -20,8 +20,9 @@ from damping.gap.hypotheses import Hypothesis
 from damping.gap.next_test import NextTest, name_command, rank_tests
 from damping.gap.outside import Rival, describe_outside, weigh_library
 from damping.gap.problem import Setting, State, exclude_effects, record_cautions, refuse_rows, setting
-from damping.gap.search import Search, search_hypotheses
-from damping.gap.simulation import Simulate
+from damping.gap.recentring import search_about_fit
+from damping.gap.search import Search
+from damping.gap.simulator import Simulate
 from damping.gap.simulator_checks import check_simulator
 from damping.gap.states import as_given, drive_by_forces, list_crossing, list_repeated, list_unread, refuse_states
 from damping.gap.weighing import Explanation, Group
@@ -138,7 +139,7 @@ def explain(
 
     Args:
         states: records of further states of the structure with their modes; effects are shared.
-        simulate: the user's own simulation in the place of the mode, see `damping.gap.simulation.Simulator`.
+        simulate: the user's own simulation in the place of the mode, see `damping.gap.simulator.Simulator`.
         brief: skip causes outside the library where more than noise is left and the probability of a cause in the
             library is already below ``KNOWN``; weighing them could only lower it.
         done: reports each hypothesis that was fitted.
@@ -170,7 +171,8 @@ def explain(
     cautions = [*doubts, *driven.notes, *of_states, *record_cautions(rows, record, stated)]
     if unused := ", ".join(stated.damping.keys() - mode.damping.keys()):
         cautions.append(f"the damping {unused} of the mode file is ignored: the simulation has its own")
-    known, search = search_hypotheses(start, library, done)
+    known, search, extrapolated = search_about_fit(start, library, done)
+    cautions += extrapolated
     compared = {"record": record, "mode": mode, "states": tuple(states), "simulate": simulate, "unit": driven.unit}
     return _weigh_search(known, search, cautions, brief=brief, **compared)
 

@@ -28,7 +28,7 @@ from damping.gap.hypotheses import Hypothesis
 from damping.gap.model import STEP, residuals, steady
 from damping.gap.problem import State
 from damping.gap.rows import PhasorRows
-from damping.gap.simulation import Simulate
+from damping.gap.simulator import Simulate
 from damping.gap.unknowns import FURTHER_ERROR
 from damping.gap.weighing import COVER, EXCLUDED, INDISTINCT, Explanation, count_beyond, distance, foresee_probability
 

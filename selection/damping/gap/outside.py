@@ -16,7 +16,7 @@ from damping.effects.course import SWEEP_RATE
 from damping.effects.foreign import SLOW_SPRING
 from damping.effects.masses import OTHER_MASS, VARYING_MASS
 from damping.errors import InputError
-from damping.gap.corrected import effect_values
+from damping.gap.corrected import effect_values, refitted_values
 from damping.gap.directed import Test
 from damping.gap.hypotheses import Hypothesis, leaves_noise
 from damping.gap.search import Search
@@ -105,9 +105,15 @@ def _list_structural(hypothesis: Hypothesis) -> set[str]:
 
 
 def _describe(hypothesis: Hypothesis, name: str) -> str:
-    """The sentence of an effect outside the library, with its sizes where it is a parameter of the simulation."""
-    sizes = effect_values(hypothesis.best)[name].items()
-    texts = [f"{key} {value:g}" if key == "state" else f"{key} {value:+.3g}" for key, value in sizes]
+    """The sentence of an effect outside the library, with its sizes where it is a parameter of the simulation.
+
+    A wrong mass is that of the structure over the stated one: the refit within the tolerance holds a part of it.
+    """
+    sizes = effect_values(hypothesis.best)[name]
+    if name == OTHER_MASS.name and hypothesis.best.model.problem.simulation.simulator is None:
+        within = refitted_values(hypothesis.best)["mass"]
+        sizes = {"relative": (1.0 + sizes["relative"]) * (1.0 + within) - 1.0}
+    texts = [f"{key} {value:g}" if key == "state" else f"{key} {value:+.3g}" for key, value in sizes.items()]
     of_simulation = FOREIGN[name].kind == "parameter"
     return FOREIGN[name].sentence + (f" ({', '.join(texts)})" if of_simulation else "")
 

@@ -18,7 +18,8 @@ from damping.forces import Viscous, from_damping
 from damping.gap.fit import ModelFit
 from damping.gap.model import Problem, Scatter
 from damping.gap.rows import UNSEEN, PhasorRows, join_states, on_base, read_rows
-from damping.gap.simulation import NO_SCATTER, Simulate, Simulation, Simulator, list_of_states
+from damping.gap.simulation import NO_SCATTER, Simulation, list_of_states
+from damping.gap.simulator import Simulate, Simulator
 from damping.gap.unknowns import FIRST_GUESS, Unknowns, is_stated, list_unknowns, roughness, stated_noise
 from damping.records.mode import Mode
 from damping.records.record import Record

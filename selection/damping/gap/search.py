@@ -64,8 +64,10 @@ class Search(Fits):
             self.units[of_form[0].part.form] = of_form[0].part.unit
         gains = {name: find_gain(of_effect) for name, of_effect in starts.items()}
         least = _HOPELESS * (max(gains.values(), default=0.0) - SURE)
+        # a simulator has its own parameters: those of its mode begin 3 tolerances off, far from where lines hold
+        is_own = self.problem.simulation.simulator is not None
         for name, gain in gains.items():
-            if gain > least:
+            if gain > least or (is_own and self.effects[name].corrects):
                 self.extend_once(null, name, starts[name])
 
     def _fit_simulation(self) -> Hypothesis:

@@ -5,9 +5,11 @@ import pandas as pd
 
 from damping.arrays import RAD_S_PER_HZ, FloatArray
 from damping.errors import InputError
-from damping.gap.simulation import Simulator
+from damping.gap.simulator import Simulator
 from damping.records import audit
+from damping.records.check_units import LARGEST_TOLERANCE
 from damping.records.record import Record
+from damping.records.text import per_cent
 
 #: Checks of the audit that a simulator's answer must pass; others depend on the forces and frequencies asked for.
 MUST_PASS = ("units", "phase-unit", "phase-sign")
@@ -46,7 +48,15 @@ def check_simulator(simulator: Simulator, record: Record) -> tuple[str, ...]:
         if finding.verdict == "refuse" and finding.check in MUST_PASS:
             what = f"{finding.what}; {finding.advice}"
             raise InputError(what, file=answer.source, expected="amplitudes and lags of a structure")
-    return _doubt_frequency(simulator, asked, _measure_distance(asked, A, phase))
+    return (*_doubt_tolerances(simulator), *_doubt_frequency(simulator, asked, _measure_distance(asked, A, phase)))
+
+
+def _doubt_tolerances(simulator: Simulator) -> list[str]:
+    """A caution on tolerances larger than the values, as per cents taken for shares are."""
+    named = simulator.tolerances.items()
+    large = [f"{per_cent(100.0 * by)} % of {name}" for name, by in named if by > LARGEST_TOLERANCE]
+    what = f"the simulator states a tolerance of {' and of '.join(large)}"
+    return [f"{what}: is it in per cent? 0.02 is 2 %"] if large else []
 
 
 def _doubt_frequency(simulator: Simulator, asked: pd.DataFrame, apart: float) -> tuple[str, ...]:
