@@ -85,6 +85,15 @@ def test_units_in_attributes_of_hdf5(truth, tmp_path, imported):
     assert ("response", "receptance", "follows from its unit") in found.summary.rows
 
 
+@pytest.mark.parametrize(("unit", "times"), [("mm rms", 1e3 / np.sqrt(2.0)), ("mm p-p", 2e3), ("mm", 1e3)])
+def test_scalings_in_the_units_of_arrays(truth, tmp_path, imported, unit, times):
+    """A force in N pk beside it is of its own."""
+    values = {"frequency": truth.f, "amplitude": (times * truth.amplitude, unit), "force": (3.0, "N pk")}
+    found = imported(write_hdf5(tmp_path / "a.h5", values))
+    np.testing.assert_allclose(found.record.column("amplitude"), truth.amplitude, rtol=1e-12)
+    np.testing.assert_array_equal(found.record.column("force"), 3.0)
+
+
 def hdf5(path: Path, **variables: np.ndarray) -> Path:
     return write_hdf5(path, variables)
 

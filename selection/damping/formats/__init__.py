@@ -22,7 +22,7 @@ from damping.formats.columns import Layout, TextTable, open_table
 from damping.formats.conversion import RESPONSES, SCALINGS
 from damping.formats.headers import ABSCISSAS, NAMES, ROLES, ColumnHeader
 from damping.formats.levels import ArrayTable, read_levels, split_levels
-from damping.formats.named import UNIT_OF, note_unheeded_units, read_facts, require_linear, to_series
+from damping.formats.named import find_scaling, note_unheeded_units, read_facts, require_linear, to_series
 from damping.formats.quantity import SYSTEMS
 from damping.formats.roles import find_roles
 from damping.formats.sampling import find_rows
@@ -142,8 +142,7 @@ def _list_table_series(
         texts = {role: header.text for role, header in headers.items()}
         is_time = "time" in texts and not {"frequency", "omega"} & set(texts)
         require_response(texts, [header.text for header in table.headers], stated, many=is_time)
-    scaling = next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "response" and h.scaling), None)
-    force_scaling = next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == "force" and h.scaling), None)
+    scaling, force_scaling = (find_scaling(headers, quantity) for quantity in ("response", "force"))
     silent = {"response": scaling is None, "force": force_scaling is None and scaling not in (None, "peak")}
     label = Path(path).stem
     if table.level is not None:

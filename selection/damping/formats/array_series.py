@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -12,8 +13,8 @@ import numpy as np
 from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.arrays import Arrays, read_arrays
-from damping.formats.headers import ABSCISSAS, NAMES, ROLES, ColumnHeader
-from damping.formats.named import note_unheeded_units, read_facts, require_linear, to_series
+from damping.formats.headers import ABSCISSAS, NAMES, ROLES, ColumnHeader, parse_header
+from damping.formats.named import find_scaling, note_unheeded_units, read_facts, require_linear, to_series
 from damping.formats.quantity import find_powers
 from damping.formats.sampling import SAMPLING, Shapes, find_abscissa, find_nearest, last_name, list_times, split
 from damping.formats.series import FileFacts, Samples, Series, Stated, Summary, require_response
@@ -43,13 +44,21 @@ def list_array_series(
         names, contents = names | {role: name}, contents.join(Arrays({name: [values]}, {name: text}, {}, {}))
     elif usual:
         names, contents = names | usual, contents.join(read(list(usual.values()), rows=rows))
-    units = {role: contents.units.get(name, "") for role, name in names.items()}
-    headers = {role: ColumnHeader(f"{names[role]} {text}".strip(), names[role], text) for role, text in units.items()}
+    headers = {role: _read_header(name, contents) for role, name in names.items()}
     require_linear(headers)
     for role, name in names.items():
         _describe_array(role, name, contents.arrays[name], stated, summary)
     note_unheeded_units(names, stated, summary)
-    return _list_sweeps(names, contents.arrays, read_facts(headers, stated), Path(path).stem, summary)
+    of_response, of_force = (find_scaling(headers, quantity) for quantity in ("response", "force"))
+    facts = replace(read_facts(headers, stated), scaling=of_response, force_scaling=of_force)
+    return _list_sweeps(names, contents.arrays, facts, Path(path).stem, summary)
+
+
+def _read_header(name: str, contents: Arrays) -> ColumnHeader:
+    """The header of an array: its unit and scaling as the file states them, such as g rms."""
+    text = contents.units.get(name, "")
+    header = parse_header(f"value [{text}]")
+    return replace(header, text=f"{name} {text}".strip(), name=name, unit=header.unit or text)
 
 
 def _read_contents(read: Callable[[Sequence[str]], Arrays], kind: str, stated: Stated) -> tuple[Arrays, bool]:
@@ -167,14 +176,16 @@ def list_channels(contents: Arrays, stated: Stated, summary: Summary) -> list[Se
             summary.note(f"--rate {stated.rate:g} is stated, beside a step of {own:g} s in the file")
         description = f"{contents.arrays[name][0].size} samples, step {step:g} s"
         summary.add(f"channel {describe_shortened(name)!r}", description, "found in the file")
-    kinds = {find_powers(contents.units[name]) for name in names if name in contents.units and not stated.units}
+    headers = {name: _read_header(name, contents) for name in names}
+    kinds = {find_powers(header.unit) for header in headers.values() if header.unit and not stated.units}
     if len(kinds) > 1:
         listed = ", ".join(f"{name} ({contents.units.get(name, 'no unit')})" for name in names[:8])
         raise InputError(f"channels of several kinds: {listed}", expected="--column response=NAME")
     series = []
     for name, (start, step) in steps.items():
         values = np.asarray(contents.arrays[name][0], dtype=np.float64).reshape(-1)
-        facts = FileFacts(units={"response": contents.units[name]} if name in contents.units else {})
+        header = headers[name]
+        facts = FileFacts(units={"response": header.unit} if header.unit else {}, scaling=header.scaling)
         t = np.arange(contents.first, contents.first + len(values), dtype=np.float64)
         t *= step  # in place: a file may have many samples
         t += start

@@ -251,6 +251,11 @@ def read_facts(headers: Mapping[str, ColumnHeader], stated: Stated) -> FileFacts
     return FileFacts(units=units, angles={role: header.angle for role, header in headers.items() if header.angle})
 
 
+def find_scaling(headers: Mapping[str, ColumnHeader], quantity: str) -> str | None:
+    """The first scaling in the headers by role that are of a quantity; None if none states one."""
+    return next((h.scaling for role, h in headers.items() if UNIT_OF.get(role) == quantity and h.scaling), None)
+
+
 def note_unheeded_units(roles: Iterable[str], stated: Stated, summary: Summary) -> None:
     """Caution on stated units of quantities of which the file has no column or array."""
     absent = stated.units.keys() - {UNIT_OF.get(role, role) for role in roles} - {"force", "response"}
