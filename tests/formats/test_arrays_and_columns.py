@@ -92,6 +92,8 @@ def test_scalings_in_the_units_of_arrays(truth, tmp_path, imported, unit, times)
     found = imported(write_hdf5(tmp_path / "a.h5", values))
     np.testing.assert_allclose(found.record.column("amplitude"), truth.amplitude, rtol=1e-12)
     np.testing.assert_array_equal(found.record.column("force"), 3.0)
+    found = imported(write_hdf5(tmp_path / "a.h5", values | {"force": (3.0, "N")}))
+    assert any("the force is taken as peak" in note for note in found.summary.notes) == (unit != "mm")
 
 
 def hdf5(path: Path, **variables: np.ndarray) -> Path:

@@ -50,7 +50,9 @@ def list_array_series(
         _describe_array(role, name, contents.arrays[name], stated, summary)
     note_unheeded_units(names, stated, summary)
     of_response, of_force = (find_scaling(headers, quantity) for quantity in ("response", "force"))
-    facts = replace(read_facts(headers, stated), scaling=of_response, force_scaling=of_force)
+    assumed = ["force"] if of_force is None and of_response not in (None, "peak") else []
+    facts = read_facts(headers, stated)
+    facts = replace(facts, scaling=of_response, force_scaling=of_force, peak_assumed=assumed)
     return _list_sweeps(names, contents.arrays, facts, Path(path).stem, summary)
 
 
