@@ -25,7 +25,7 @@ def write(path, hertz):
     return write_force_runs(path, F, LEVELS, lambda force: force * move(F, hertz), seed=4)
 
 
-@pytest.mark.parametrize("apart", [0.02, pytest.param(0.035, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("apart", [0.02, 0.06, pytest.param(0.035, marks=pytest.mark.slow)])
 def test_two_modes_in_one_peak_are_told_apart(tmp_path, few_laws, apart):
     """Answered as one mode, its peaks at four times the top level were up to 50 % off, outside their bands."""
     hertz = (30.0, 30.0 * (1.0 + apart))

@@ -15,7 +15,7 @@ import pandas as pd
 
 from damping.arrays import BoolArray, ComplexArray, FloatArray, wrap_lag
 from damping.campaign.delays import remove_delay
-from damping.campaign.merged import describe_excess, describe_shapes, split_merged
+from damping.campaign.merged import add_missing, describe_excess, describe_shapes
 from damping.campaign.modal_fit import LEAST_T, MOVED, Level, ModalFit, evaluate_sd, find_peaks_of, fit_level
 from damping.campaign.runs import CampaignRun
 from damping.campaign.sensors import find_bad_sensors, find_misread
@@ -112,13 +112,13 @@ def _choose_first(
 def fit_right_levels(
     runs: Sequence[CampaignRun], frequencies: Sequence[float] = (), trusted: Collection[str] = ()
 ) -> tuple[list[Level], dict[str, str]]:
-    """Every level fitted without misread sensors and delay and with merged modes split, and why sensors are misread."""
+    """Every level fitted without misread sensors and delay and with missing modes, and why sensors are misread."""
     levels = fit_levels(runs, frequencies)
     misread = find_misread(levels, trusted)
     levels = fit_levels([run.without(misread) for run in runs], frequencies) if misread else levels
     levels = remove_delay(levels, lambda runs: fit_levels(runs, frequencies))
     right = [level.run for level in levels]
-    return levels if len(frequencies) else split_merged(levels, lambda at: fit_levels(right, at)), misread
+    return levels if len(frequencies) else add_missing(levels, lambda at: fit_levels(right, at)), misread
 
 
 def _keep_place(fitted: FloatArray, starts: Sequence[float]) -> BoolArray:
