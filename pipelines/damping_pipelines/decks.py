@@ -87,9 +87,8 @@ def export_deck(source: Path, out: Path, code: str, record: str | None) -> None:
         raise InputError(f"--to {code!r} is unknown", expected=" or ".join(COMMENTS))
     check_outputs({"--out": out}, *list_files(source))
     form, content = read_damping(source, record)
-    drive, unit = form.drive, form.units.force
-    if isinstance(form, CampaignForm):
-        drive, unit = form.level_name, form.level_unit
+    of_force = form.drive, form.units.force
+    drive, unit = (form.level_name, form.level_unit) if isinstance(form, CampaignForm) else of_force
     if code == "openfast" and "base acceleration" in (form.drive, drive):
         raise AnalysisError(f"{source}: coefficients are of a force, and this form is of base acceleration")
     levels, missing = _list_levels(form, drive, unit)
@@ -102,10 +101,12 @@ def export_deck(source: Path, out: Path, code: str, record: str | None) -> None:
             modes[point.mode].append(point)
     by_frequency = sorted(modes, key=lambda mode: modes[mode][0].frequency)
     number = {mode: i + 1 for i, mode in enumerate(by_frequency)}
+    if code != "nastran":  # its tables go by frequency
+        levels = {level: sorted(points, key=lambda point: number[point.mode]) for level, points in levels.items()}
     of_modes = product(modes.items() if code == "openfast" else (), BOUNDS)
     si = find_si(form.units)
-    kept = ", ".join(filter(None, vars(form.units).values())) or "which names none"
-    unconverted = f"OpenFAST takes N, m, s: these are the units of the form, {kept}"
+    kept = ", ".join(filter(None, vars(form.units).values()))
+    unconverted = f"OpenFAST takes N, m, s: these are the units of the form, {kept or 'which names none'}"
     fitted = [(mode, which, points, fit_coefficients(points, which, unit, si)) for (mode, points), which in of_modes]
     values = {
         "code": code,

@@ -225,6 +225,13 @@ class CampaignForm(DampingForm):
     level_name: str = "level"
     level_unit: str = ""
 
+    @model_validator(mode="after")
+    def _names_apart(self) -> Self:
+        names = [mode.name for mode in self.modes]
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise PydanticCustomError("apart", "two modes are called {name}", {"name": twice[0]})
+        return self
+
 
 Damped: TypeAlias = LoadsForm | CurveForm | CampaignForm  #: any of the forms that hold damping ratios
 DAMPED = TypeAdapter[Damped](Annotated[Damped, Field(discriminator="format")])  #: reads any of these

@@ -266,6 +266,19 @@ def test_a_mode_keeps_its_number_where_another_has_no_ratio(deck):
     assert "modalDamping 0" not in opensees.split("level 2, median")[1]
 
 
+def test_modes_whose_frequencies_cross_keep_their_ratios(deck):
+    """The first mode hardens past the second: in the order of the frequencies there, their ratios were exchanged."""
+    at = {"first": [(10.0, 0.01), (10.3, 0.02)], "second": [(10.2, 0.03), (10.1, 0.06)]}
+    levels = {
+        name: [{"level": i, "frequency": f, "damping_ratio": {"median": z, "low": z}} for i, (f, z) in enumerate(of, 1)]
+        for name, of in at.items()
+    }
+    form = {"format": "campaign/1", "modes": [{"name": name, "at": of} for name, of in levels.items()]}
+    text = deck(form, "opensees")
+    assert "# eigen 2\n# modalDamping 0.02 0.06\n" in text.split("level 2, median")[1]
+    assert read_live(text, "opensees") == [0.02, 0.06]
+
+
 @pytest.mark.parametrize("code", COMMENTS)
 @pytest.mark.parametrize("wrong", [{"median": -0.01, "low": -0.02}, {"median": 0.01, "low": 0.0}])
 def test_a_ratio_that_is_not_positive_is_left_out(deck, code, wrong):
@@ -388,6 +401,7 @@ def test_damping_that_falls_with_amplitude_is_said_to_be_of_no_such_form(damping
             "expected tags: 'loads/1', 'curve/1', 'campaign/1'",
             2,
         ),
+        ({**CAMPAIGN, "modes": 2 * CAMPAIGN["modes"]}, "abaqus", "two modes are called second", 2),
         (CAMPAIGN, "openfast", "coefficients need force and amplitude", 1),
         ({**FORM, "predictions": [FORM["predictions"][0] | {"force": 0.0}]}, "openfast", "coefficients need force", 1),
         ({**CAMPAIGN, "level_name": "base acceleration"}, "openfast", "this form is of base acceleration", 1),

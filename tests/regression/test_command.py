@@ -9,8 +9,10 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+import pandas as pd
 import pytest
 
+import damping as dp
 from damping_pipelines.cli import main
 from damping_reed1970 import data_folder, load_table
 
@@ -355,3 +357,13 @@ def test_a_criterion_without_a_selection_is_said(run: Run, shoe: Path, options: 
     code, _, err = run(shoe, "--response", "y", "--terms", "x, z", *options)
     assert code == 0
     assert ("--criterion aic changes nothing without --select" in err) is said
+
+
+@pytest.mark.parametrize(("select", "said"), [("none", False), ("best", True), ("backward", True), ("stepwise", True)])
+def test_statistics_of_terms_selected_from_noise_are_said_to_take_them_as_given(select: str, said: bool) -> None:
+    """The best of 8 terms has p < .05 in about half of such tables; nothing was said of it."""
+    noise = np.random.default_rng(3).normal(size=(25, 9))
+    table = pd.DataFrame(noise, columns=[*"abcdefgh", "y"])
+    form = dp.regress(table, response="y", terms=list("abcdefgh"), select=select).to_json()
+    assert (len(form["terms"]) < 8) is said
+    assert any("take the selected terms as given" in note for note in form["notes"]) is said

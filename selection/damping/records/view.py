@@ -16,7 +16,7 @@ from damping.records.mixed_levels import find_mixed_levels
 from damping.records.mode import Mode
 from damping.records.odd_levels import OddLevel, find_odd_level
 from damping.records.outliers import find_isolated_rows, find_misplaced_rows
-from damping.records.phase_kinds import AS_LAG, classify_phase, has_antiresonance, is_incoherent
+from damping.records.phase_kinds import AS_LAG, CERTAIN_BESIDE, classify_phase, has_antiresonance, is_incoherent
 from damping.records.record import Record
 from damping.records.resonance import tabulate_resonances
 from damping.records.rows import list_rates
@@ -126,17 +126,22 @@ class View:
     def wrong_sign(self) -> dict[str, str]:
         """Sweeps whose phase is not the lag of the displacement, with the kind of phase."""
         kinds: dict[str, str] = {}
+        likely: dict[str, str] = {}  # kinds that sweeps have if another certainly has
         for run, turn in self.turns:
             if run.sweep in self.incoherent or run.phase is None:
                 continue
             if turn is None:
                 sine = float(np.mean(np.sin(run.phase)))
                 kind = "" if sine > -0.5 else "negated"
+            elif has_antiresonance(run):
+                continue
             else:
-                kind = "" if has_antiresonance(run) else classify_phase(run, turn)
+                kind = classify_phase(run, turn)
+                likely[run.sweep] = classify_phase(run, turn, CERTAIN_BESIDE)
             if kind:
                 kinds[run.sweep] = kind
-        return kinds
+        certain = set(kinds.values())
+        return {sweep: kind for sweep, kind in likely.items() if kind in certain} | kinds
 
     @cached_property
     def legs(self) -> list[Leg]:

@@ -82,9 +82,8 @@ def regression(columns: Columns, response: str, terms: Sequence[Term], choice: C
     notes, plane = list(columns.notes), None
     if circular := [term.name for term in terms if response.strip() in term.columns]:
         notes.append(f"{response.strip()} is a factor of {', '.join(circular)}: the response is fitted to itself")
-    linear = [parse_term(CONSTANT), *(Term(((name, 1.0),), name) for name in independent)]
     try:
-        plane = fit(design_of(columns, response, linear))
+        plane = fit(design_of(columns, response, [parse_term(CONSTANT), *(Term(((n, 1.0),), n) for n in independent)]))
     except AnalysisError as error:
         notes.append(f"no plane through the independent variables: {error}")
     return Regression(
@@ -96,12 +95,12 @@ def regression(columns: Columns, response: str, terms: Sequence[Term], choice: C
         full=full,
         plane=plane,
         selected=selected,
-        notes=(*notes, *_collect_cautions(selected.fit)),
+        notes=(*notes, *_collect_cautions(selected.fit, selected=selected.fit.k < design.k)),
     )
 
 
-def _collect_cautions(fit: Fit) -> tuple[str, ...]:
-    """Cautions on the coefficients."""
+def _collect_cautions(fit: Fit, *, selected: bool) -> tuple[str, ...]:
+    """Cautions on the coefficients; ``selected``: terms were left out."""
     cautions = []
     if fit.n == fit.k:
         cautions.append("as many terms as observations: the fit is exact and gives no errors")
@@ -111,12 +110,13 @@ def _collect_cautions(fit: Fit) -> tuple[str, ...]:
             " response that was computed from these terms"
         )
     if fit.condition_number > 1e4:
-        digits = int(np.log10(fit.condition_number))
         cautions.append(
             f"nearly dependent terms: the scaled condition number {fit.condition_number:.2g} magnifies errors of the"
-            f" data by up to {digits} powers of ten, whatever the fit's own accuracy"
+            f" data by up to {int(np.log10(fit.condition_number))} powers of ten, whatever the fit's own accuracy"
         )
-    if not fit.active.all():
+    if selected:
+        cautions.append("statistics take the selected terms as given: |T| is too large and p too small, of noise too")
+    elif not fit.active.all():
         cautions.append("statistics take the terms that are not held at 0 as given")
     return tuple(cautions)
 
