@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -13,10 +14,11 @@ from damping.arrays import RAD_S_PER_HZ
 from damping.effects import CATALOGUE
 from damping.gap.corrected import refitted_values
 from damping.gap.diagnose import explain
+from damping.gap.outside import name_better
 from damping.gap.simulator import Simulator
 from damping.gap.simulator_checks import check_simulator
 from damping.records.text import Disagreement
-from damping.report.gap import order_cautions
+from damping.report.gap import describe_diagnosis, order_cautions
 from tests.gap.limited import limited
 
 MASS, FREQUENCY, LOSS = 2.0, 10.0, 0.02
@@ -241,6 +243,57 @@ def test_parameters_far_within_a_wide_tolerance_are_exact(mode, stiffness, loss)
     np.testing.assert_allclose(refitted["stiffness"], stiffness - 1.0, atol=0.0005)
     np.testing.assert_allclose(refitted["loss"], loss - 1.0, atol=0.005)
     assert not any("extrapolated" in caution for caution in found.cautions)
+
+
+def test_parameters_that_the_refit_moved_are_told(mode, no_rivals):
+    """With nothing to blame, 18 % of a stiffness stands in the text, not only in its files; what did not move does not.
+
+    Beyond the tolerances the fit ends at their limit, and an interval there would be of that limit.
+    """
+    truth = {"stiffness": 0.82 * STIFFNESS, "loss": LOSS}
+    found = limited((), dp.diagnose, swept(truth, seed=7), mode, simulate=sprung, compare=False)
+    assert "already fits" in found.sentences[0]
+    number = r"([-+]\d+\.?\d*)"
+    (told,) = [sentence for sentence in found.sentences if "own parameters" in sentence]
+    said = re.search(rf"stiffness {number} % \({number} to {number}; 1\.3 tolerances\)\.$", told)
+    value, low, high = map(float, said.groups())
+    assert value == -18.0
+    assert low <= value <= high
+
+    def sure(force, frequency, *, stiffness=(STIFFNESS, 0.02)):
+        return sprung(force, frequency, stiffness=stiffness, loss=LOSS)
+
+    record = swept(truth | {"stiffness": 0.93 * STIFFNESS}, seed=7)
+    found = limited((), dp.diagnose, record, mode, simulate=sure, compare=False)
+    (told,) = describe_diagnosis(replace(found.diagnosis, in_library=1.0))["refit"]
+    assert "(at the limit of 3 tolerances)" in told
+
+
+def test_a_parameter_beyond_its_tolerance_is_told_beside_a_force(record, mode):
+    """A mass off by five tolerances, and friction: the first sentence has its value beside a gain of the sensor."""
+
+    def function(force, frequency, *, mass=(MASS / 1.05, 0.01), stiffness=(STIFFNESS, 0.01)):
+        Z = stiffness * (1.0 + 1j * LOSS) - mass * (2.0 * np.pi * frequency) ** 2
+        return force / np.abs(Z), np.angle(Z)
+
+    few = dp.Record(record.table[record.table["sweep"] != "B"])
+    found = limited(("amplitude-scale", "coulomb-friction"), explain, few, mode, simulate=function)
+    said = re.match(r"a mass of (\S+) .* in the simulator beside coulomb-friction \(", name_better(found.outside))
+    np.testing.assert_allclose(float(said[1]), MASS, rtol=0.01)
+
+
+def test_a_parameter_beyond_its_tolerance_is_told_where_no_effect_is(mode):
+    """Nothing in the library is like a loss that is half again as large, at a tolerance of 3 %."""
+
+    def function(force, frequency, *, loss=(LOSS / 1.5, 0.03)):
+        return sprung(force, frequency, stiffness=STIFFNESS, loss=loss)
+
+    rows = swept({"stiffness": STIFFNESS, "loss": LOSS}, seed=7)
+    found = limited(("phase-lag",), dp.diagnose, rows, mode, simulate=function, compare=False)
+    said = re.search(
+        r"nothing in the library explains it; it would be explained by a loss of (\S+)", found.sentences[0]
+    )
+    np.testing.assert_allclose(float(said[1]), LOSS, rtol=0.01)
 
 
 def test_a_simulator_that_fails_at_the_fitted_parameters_is_told(mode):
