@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import wraps
 
 import numpy as np
 import pandas as pd
@@ -189,6 +190,21 @@ def test_a_default_that_is_no_pair_is_told_and_numbers_of_numpy_are_numbers(mode
         Simulator.read(of(7.5), mode)
     read = Simulator.read(of((np.int64(8), np.float32(0.5))), mode)
     assert read.tolerances == {"stiffness": 0.5}
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_class_or_coroutine_is_no_function(mode):
+    class Simulation:
+        """A simulation that would be run by a method."""
+
+    async def later(force, frequency):
+        return force, frequency
+
+    for given, kind in ((Simulation, "class"), (later, "coroutine")):
+        wrapped = wraps(given)(lambda *_: None)  # as the command line does
+        for function in (given, wrapped):
+            with pytest.raises(dp.InputError, match=f"the simulator is a {kind}; expected a function"):
+                Simulator.read(function, mode)
 
 
 def test_a_tolerance_in_per_cent_is_told(record, mode):
