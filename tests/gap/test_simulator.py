@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from functools import wraps
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -12,10 +13,13 @@ import pytest
 
 import damping as dp
 from damping.arrays import RAD_S_PER_HZ
-from damping.effects import CATALOGUE
-from damping.gap.corrected import refitted_values
+from damping.effects import CATALOGUE, list_forms
+from damping.effects.terms import predict
+from damping.gap.corrected import corrected_mode, refitted_values
 from damping.gap.diagnose import explain
+from damping.gap.model import Model, Part, Scatter
 from damping.gap.outside import name_better
+from damping.gap.problem import setting
 from damping.gap.simulator import Simulator
 from damping.gap.simulator_checks import check_simulator
 from damping.records.text import Disagreement
@@ -334,3 +338,21 @@ def test_a_simulator_without_freedom_may_be_of_another_frequency(mode):
     record = swept({"stiffness": 0.99 * STIFFNESS, "loss": LOSS}, seed=15)
     found = limited(library, explain, record, mode, simulate=fixed)
     assert found.leading.effects == ("natural-frequency",)
+
+
+def test_every_effect_beside_a_simulator_is_in_the_corrected_file_as_it_was_fitted(mode):
+    """The table of every form, read as a file's, makes the prediction of the fit; a law in place of the viscous too."""
+    problem = setting(swept({"stiffness": STIFFNESS, "loss": LOSS}, seed=7), mode, [], sprung, (), ()).problem
+    rows, simulation = problem.rows, problem.simulation
+    for effect in CATALOGUE.values():
+        for form in list_forms(effect, problem.scales):
+            model = Model(problem, (Part(form, form.natural),), Scatter(1e-9, 1e-9))
+            y = np.full((1, model.size + 2 * model.sweeps), 0.1)
+            y[:, : len(simulation.names)] = 0.0
+            fit = SimpleNamespace(model=model, y=y[0])
+            given = replace(model, parts=())
+            given = replace(given, problem=replace(problem, simulation=replace(simulation, mode=corrected_mode(fit))))
+            fitted = predict(model.terms(y[:, : model.size]), rows.u, rows.drive)
+            read = predict(given.terms(y[:, : given.size]), rows.u, rows.drive)
+            for name in ("u", "turned"):
+                np.testing.assert_allclose(getattr(read, name), getattr(fitted, name), atol=1e-6, err_msg=effect.name)
