@@ -277,8 +277,8 @@ def test_parameters_that_the_refit_moved_are_told(mode, no_rivals):
     (told,) = [sentence for sentence in found.sentences if "own parameters" in sentence]
     said = re.search(rf"stiffness {number} % \({number} to {number}; 1\.3 tolerances\)\.$", told)
     value, low, high = map(float, said.groups())
-    assert value == -18.0
-    assert low <= value <= high
+    np.testing.assert_allclose(value, -18.0, atol=0.05)
+    assert low < value < high
 
     def sure(force, frequency, *, stiffness=(STIFFNESS, 0.02)):
         return sprung(force, frequency, stiffness=stiffness, loss=LOSS)

@@ -125,12 +125,13 @@ def _list_moved(diagnosis: Diagnosis) -> list[str]:
         tolerances, (low, high) = float(np.log1p(value)) / (by_name[name] or 1.0), intervals.get(name, (value, value))
         if abs(tolerances) < (_FAR_MOVED if low < 0.0 < high else _MOVED):
             continue
-        told = [f"{100.0 * low:+.2g} to {100.0 * high:+.2g}"] if name in intervals else []
+        shown, *ends = (f"{100.0 * x:+#.{count_digits(value, low, high)}g}".rstrip(".") for x in (value, low, high))
+        told = [f"{ends[0]} to {ends[1]}"] if name in intervals else []
         if abs(tolerances) > _AT_LIMIT * MOST_TOLERANCES:
             told = [f"at the limit of {MOST_TOLERANCES:g} tolerances"]
         elif stated or name in own:
             told.append(f"{abs(tolerances):.2g} tolerances")
-        moved.append(f"{name} {100.0 * value:+.3g} % ({'; '.join(told)})")
+        moved.append(f"{name} {shown} % ({'; '.join(told)})")
     return moved
 
 
