@@ -335,9 +335,11 @@ def test_a_simulator_without_freedom_may_be_of_another_frequency(mode):
         return sprung(force, frequency, stiffness=stiffness, loss=LOSS)
 
     library = {name: CATALOGUE[name] for name in ("natural-frequency", "drift")}
+    mode = replace(mode, damping={})  # the function has its own: nobody is told that it has none
     record = swept({"stiffness": 0.99 * STIFFNESS, "loss": LOSS}, seed=15)
     found = limited(library, explain, record, mode, simulate=fixed)
     assert found.leading.effects == ("natural-frequency",)
+    assert not any("no damping" in caution for caution in found.cautions)
 
 
 def test_every_effect_beside_a_simulator_is_in_the_corrected_file_as_it_was_fitted(mode):
