@@ -302,6 +302,25 @@ def test_a_parameter_beyond_its_tolerance_is_told_beside_a_force(record, mode):
     np.testing.assert_allclose(float(said[1]), MASS, rtol=0.01)
 
 
+def coupled(force, frequency, *, first=(1.0, 0.01), second=(1.04, 0.01)):
+    """Two oscillators of close frequencies, the second driven through a weak spring only."""
+    s = 1j * frequency / FREQUENCY
+    far = second + 0.01 + 0.01 * s + s**2
+    Z = STIFFNESS * (first + 0.01 + 0.01 * s + s**2 - 1e-4 / far)
+    return force / np.abs(Z), np.angle(Z)
+
+
+def test_a_parameter_is_sought_on_both_sides_of_its_stated_value(mode):
+    """The second of two close modes lies below the first, not above: a line from above leads away from it."""
+    rng, frequency = np.random.default_rng(4), FREQUENCY * (1.0 + 0.04 * np.linspace(-1.0, 1.0, 41))
+    A, phase = coupled(np.ones(41), frequency, first=1.01, second=0.99)
+    table = {"sweep": "A", "force": 1.0, "frequency": frequency}
+    table |= {"amplitude": A * (1.0 + 0.01 * rng.normal(size=41)), "phase": phase + 0.01 * rng.normal(size=41)}
+    found = limited(("planar-coupling",), explain, dp.Record(pd.DataFrame(table)), mode, simulate=coupled)
+    said = re.match(r"a second of (\S+) .* in the simulator \(", name_better(found.outside))
+    np.testing.assert_allclose(float(said[1]), 0.99, rtol=0.003)
+
+
 def test_a_parameter_beyond_its_tolerance_is_told_where_no_effect_is(mode):
     """Nothing in the library is like a loss that is half again as large, at a tolerance of 3 %."""
 
