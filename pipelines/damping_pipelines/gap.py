@@ -126,8 +126,9 @@ def _describe_use(result: DiagnosisResult) -> list[str]:
         values = {name: own.values[name] * (1.0 + fitted[name]) for name in own.values} if own else {}
         parameters = format_joined([f"{name} = {value:.5g}" for name, value in values.items()])
         sentences.append(
-            "The mode of this file only stands for the simulator, so `damping sweep` does not reproduce the test: "
-            f"add the effects to the simulator{', with ' + parameters if parameters else ''}."
+            "The mode of this file only stands for the simulator, so `damping sweep` does not reproduce the test. "
+            "`damping gap` with the simulator applies the effects beside it"
+            f"{': give it ' + parameters if parameters else ''}."
         )
     return sentences
 

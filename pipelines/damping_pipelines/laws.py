@@ -215,7 +215,8 @@ def _name_laws(laws: Iterable[Band | Member]) -> str:
     ordered = sorted(laws, key=lambda law: -law.weight)
     named = [law for law in ordered[:MOST_NAMED] if law.weight >= LEAST_NAMED]
     more = f", and {len(ordered) - len(named)} more" if len(named) < len(ordered) else ""
-    return "Laws by weight: " + ", ".join(f"{law.name} {law.weight:.3f}" for law in named) + more + "."
+    weighed = ", ".join(f"{law.name} {law.weight:.3f}" for law in named)
+    return f"Laws by weight on rows near resonance: {weighed}{more}."
 
 
 def _print_what_if(result: LoadsResult, factor: float, length: str) -> None:

@@ -104,13 +104,13 @@ class DiagnosisResult(Result):
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """The verdict, size and place of the gap, doubts, how far the gap shrinks, and what to test next."""
+        """The verdict, size, refit and place of the gap, doubts, how far the gap shrinks, and what to test next."""
         from damping.report.gap import describe_diagnosis, order_cautions  # noqa: PLC0415 - other results need none
 
         described = describe_diagnosis(self.diagnosis)
         first, further = order_cautions(self.against, self.diagnosis.cautions)
         cautions = (f"Caution: {words.end_sentence(caution)}" for caution in further)
-        topics = ("verdict", "sizes", "place", "doubts", "reach", "following")
+        topics = ("verdict", "sizes", "refit", "place", "doubts", "reach", "following")
         units = f"Units: {self.diagnosis.units}."
         return (*first, *(sentence for topic in topics for sentence in described[topic]), *cautions, units)
 

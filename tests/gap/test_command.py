@@ -264,7 +264,8 @@ def test_a_simulation_of_the_users_own_is_the_baseline(damping, tmp_path, monkey
     corrected = tmp_path / "corrected.toml"
     assert limited(among("coulomb-friction", "slip"), damping, "gap", *words, "--model-out", corrected).code == 0
     head = corrected.read_text().replace("\n# ", " ")
-    assert "`damping sweep` does not reproduce the test: add the effects to the simulator, with bending = " in head
+    assert "`damping sweep` does not reproduce the test. `damping gap` with the simulator applies the effects" in head
+    assert "beside it: give it bending = " in head
     np.testing.assert_allclose(float(re.search(r"joint = ([0-9.]+)", head).group(1)), 2150.0, rtol=0.05)
     found = constants(out.read_text())
     assert found["effects"] == ["coulomb-friction"]
@@ -272,6 +273,10 @@ def test_a_simulation_of_the_users_own_is_the_baseline(damping, tmp_path, monkey
     np.testing.assert_allclose(found["parameters"]["coulomb-friction"]["coefficient"], 0.006, rtol=0.05)
     # simulated 2500 within 10 per cent, made with 2150; the compliance bends a little over so far
     np.testing.assert_allclose(found["parameters"]["simulation"]["joint"], 2150 / 2500 - 1, rtol=0.0, atol=0.05)
+    again = limited(among("coulomb-friction"), damping, "gap", corrected, *words[1:])  # nothing is left to explain
+    assert again.code == 0
+    closed = json.loads(out.read_text())
+    assert (closed["effects"], closed["unexplained"]) == ([], False)
     for name in ("two_beams", "two_beams:nothing", "no_module:frame"):
         done = damping("gap", "model.toml", "record.csv", "--simulator", name)
         assert (done.code, done.out) == (2, "")

@@ -524,9 +524,9 @@ def test_a_parameter_of_a_simulator_may_have_the_name_of_one_of_the_mode(lab):
     record, library = lab.record(rows, lab.linear(rows, viscous=1.5 * VISCOUS), 4), "viscous-coefficient"
     result = DiagnosisResult(limited({library: CATALOGUE[library]}, diagnose, record, lab.mode(), simulate=named))
     assert result.diagnosis.leading.effects == (library,)
-    head = re.search(r"with viscous = ([0-9]+[.][0-9]+)", _describe_model(result).replace("\n# ", " "))
+    head = re.search(r"give it viscous = ([0-9]+[.][0-9]+)", _describe_model(result).replace("\n# ", " "))
     np.testing.assert_allclose(float(head.group(1)), VISCOUS, rtol=0.005)  # five tolerances
-    assert result.diagnosis.corrected.damping["viscous"]["coefficient"] > 1.3 * VISCOUS  # that of the effect
+    assert result.diagnosis.corrected.effects[library]["relative"] > 0.3  # that of the effect
 
 
 @pytest.mark.parametrize("states", [False, True])

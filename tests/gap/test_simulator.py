@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
+from functools import wraps
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -10,13 +13,17 @@ import pytest
 
 import damping as dp
 from damping.arrays import RAD_S_PER_HZ
-from damping.effects import CATALOGUE
-from damping.gap.corrected import refitted_values
+from damping.effects import CATALOGUE, list_forms
+from damping.effects.terms import predict
+from damping.gap.corrected import corrected_mode, refitted_values
 from damping.gap.diagnose import explain
+from damping.gap.model import Model, Part, Scatter
+from damping.gap.outside import name_better
+from damping.gap.problem import setting
 from damping.gap.simulator import Simulator
 from damping.gap.simulator_checks import check_simulator
 from damping.records.text import Disagreement
-from damping.report.gap import order_cautions
+from damping.report.gap import describe_diagnosis, order_cautions
 from tests.gap.limited import limited
 
 MASS, FREQUENCY, LOSS = 2.0, 10.0, 0.02
@@ -189,6 +196,21 @@ def test_a_default_that_is_no_pair_is_told_and_numbers_of_numpy_are_numbers(mode
     assert read.tolerances == {"stiffness": 0.5}
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_class_or_coroutine_is_no_function(mode):
+    class Simulation:
+        """A simulation that would be run by a method."""
+
+    async def later(force, frequency):
+        return force, frequency
+
+    for given, kind in ((Simulation, "class"), (later, "coroutine")):
+        wrapped = wraps(given)(lambda *_: None)  # as the command line does
+        for function in (given, wrapped):
+            with pytest.raises(dp.InputError, match=f"the simulator is a {kind}; expected a function"):
+                Simulator.read(function, mode)
+
+
 def test_a_tolerance_in_per_cent_is_told(record, mode):
     def stated(force, frequency, *, stiffness=(STIFFNESS, 2.0)):
         return simulate(force, frequency, stiffness=stiffness)
@@ -243,6 +265,76 @@ def test_parameters_far_within_a_wide_tolerance_are_exact(mode, stiffness, loss)
     assert not any("extrapolated" in caution for caution in found.cautions)
 
 
+def test_parameters_that_the_refit_moved_are_told(mode, no_rivals):
+    """With nothing to blame, 18 % of a stiffness stands in the text, not only in its files; what did not move does not.
+
+    Beyond the tolerances the fit ends at their limit, and an interval there would be of that limit.
+    """
+    truth = {"stiffness": 0.82 * STIFFNESS, "loss": LOSS}
+    found = limited((), dp.diagnose, swept(truth, seed=7), mode, simulate=sprung, compare=False)
+    assert "already fits" in found.sentences[0]
+    number = r"([-+]\d+\.?\d*)"
+    (told,) = [sentence for sentence in found.sentences if "own parameters" in sentence]
+    said = re.search(rf"stiffness {number} % \({number} to {number}; 1\.3 tolerances\)\.$", told)
+    value, low, high = map(float, said.groups())
+    np.testing.assert_allclose(value, -18.0, atol=0.05)
+    assert low < value < high
+
+    def sure(force, frequency, *, stiffness=(STIFFNESS, 0.02)):
+        return sprung(force, frequency, stiffness=stiffness, loss=LOSS)
+
+    record = swept(truth | {"stiffness": 0.93 * STIFFNESS}, seed=7)
+    found = limited((), dp.diagnose, record, mode, simulate=sure, compare=False)
+    (told,) = describe_diagnosis(replace(found.diagnosis, in_library=1.0))["refit"]
+    assert "(at the limit of 3 tolerances)" in told
+
+
+def test_a_parameter_beyond_its_tolerance_is_told_beside_a_force(record, mode):
+    """A mass off by five tolerances, and friction: the first sentence has its value beside a gain of the sensor."""
+
+    def function(force, frequency, *, mass=(MASS / 1.05, 0.01), stiffness=(STIFFNESS, 0.01)):
+        Z = stiffness * (1.0 + 1j * LOSS) - mass * (2.0 * np.pi * frequency) ** 2
+        return force / np.abs(Z), np.angle(Z)
+
+    few = dp.Record(record.table[record.table["sweep"] != "B"])
+    found = limited(("amplitude-scale", "coulomb-friction"), explain, few, mode, simulate=function)
+    said = re.match(r"a mass of (\S+) .* in the simulator beside coulomb-friction \(", name_better(found.outside))
+    np.testing.assert_allclose(float(said[1]), MASS, rtol=0.01)
+
+
+def coupled(force, frequency, *, first=(1.0, 0.01), second=(1.04, 0.01)):
+    """Two oscillators of close frequencies, the second driven through a weak spring only."""
+    s = 1j * frequency / FREQUENCY
+    far = second + 0.01 + 0.01 * s + s**2
+    Z = STIFFNESS * (first + 0.01 + 0.01 * s + s**2 - 1e-4 / far)
+    return force / np.abs(Z), np.angle(Z)
+
+
+def test_a_parameter_is_sought_on_both_sides_of_its_stated_value(mode):
+    """The second of two close modes lies below the first, not above: a line from above leads away from it."""
+    rng, frequency = np.random.default_rng(4), FREQUENCY * (1.0 + 0.04 * np.linspace(-1.0, 1.0, 41))
+    A, phase = coupled(np.ones(41), frequency, first=1.01, second=0.99)
+    table = {"sweep": "A", "force": 1.0, "frequency": frequency}
+    table |= {"amplitude": A * (1.0 + 0.01 * rng.normal(size=41)), "phase": phase + 0.01 * rng.normal(size=41)}
+    found = limited(("planar-coupling",), explain, dp.Record(pd.DataFrame(table)), mode, simulate=coupled)
+    said = re.match(r"a second of (\S+) .* in the simulator \(", name_better(found.outside))
+    np.testing.assert_allclose(float(said[1]), 0.99, rtol=0.003)
+
+
+def test_a_parameter_beyond_its_tolerance_is_told_where_no_effect_is(mode):
+    """Nothing in the library is like a loss that is half again as large, at a tolerance of 3 %."""
+
+    def function(force, frequency, *, loss=(LOSS / 1.5, 0.03)):
+        return sprung(force, frequency, stiffness=STIFFNESS, loss=loss)
+
+    rows = swept({"stiffness": STIFFNESS, "loss": LOSS}, seed=7)
+    found = limited(("phase-lag",), dp.diagnose, rows, mode, simulate=function, compare=False)
+    said = re.search(
+        r"nothing in the library explains it; it would be explained by a loss of (\S+)", found.sentences[0]
+    )
+    np.testing.assert_allclose(float(said[1]), LOSS, rtol=0.01)
+
+
 def test_a_simulator_that_fails_at_the_fitted_parameters_is_told(mode):
     def brittle(force, frequency, *, stiffness=(STIFFNESS, 0.15)):
         if stiffness < 0.9 * STIFFNESS:
@@ -262,6 +354,26 @@ def test_a_simulator_without_freedom_may_be_of_another_frequency(mode):
         return sprung(force, frequency, stiffness=stiffness, loss=LOSS)
 
     library = {name: CATALOGUE[name] for name in ("natural-frequency", "drift")}
+    mode = replace(mode, damping={})  # the function has its own: nobody is told that it has none
     record = swept({"stiffness": 0.99 * STIFFNESS, "loss": LOSS}, seed=15)
     found = limited(library, explain, record, mode, simulate=fixed)
     assert found.leading.effects == ("natural-frequency",)
+    assert not any("no damping" in caution for caution in found.cautions)
+
+
+def test_every_effect_beside_a_simulator_is_in_the_corrected_file_as_it_was_fitted(mode):
+    """The table of every form, read as a file's, makes the prediction of the fit; a law in place of the viscous too."""
+    problem = setting(swept({"stiffness": STIFFNESS, "loss": LOSS}, seed=7), mode, [], sprung, (), ()).problem
+    rows, simulation = problem.rows, problem.simulation
+    for effect in CATALOGUE.values():
+        for form in list_forms(effect, problem.scales):
+            model = Model(problem, (Part(form, form.natural),), Scatter(1e-9, 1e-9))
+            y = np.full((1, model.size + 2 * model.sweeps), 0.1)
+            y[:, : len(simulation.names)] = 0.0
+            fit = SimpleNamespace(model=model, y=y[0])
+            given = replace(model, parts=())
+            given = replace(given, problem=replace(problem, simulation=replace(simulation, mode=corrected_mode(fit))))
+            fitted = predict(model.terms(y[:, : model.size]), rows.u, rows.drive)
+            read = predict(given.terms(y[:, : given.size]), rows.u, rows.drive)
+            for name in ("u", "turned"):
+                np.testing.assert_allclose(getattr(read, name), getattr(fitted, name), atol=1e-6, err_msg=effect.name)

@@ -101,8 +101,8 @@ def test_tables_of_a_record(words, damping, saturn_data):
 
 def test_laws_are_named_with_weights_that_three_decimals_show():
     laws = [SimpleNamespace(name=name, weight=w) for name, w in (("a", 0.9991), ("b", 6e-4), ("c", 2e-4), ("d", 1e-4))]
-    assert _name_laws(laws) == "Laws by weight: a 0.999, b 0.001, and 2 more."
-    assert _name_laws(laws[:2]) == "Laws by weight: a 0.999, b 0.001."
+    assert _name_laws(laws) == "Laws by weight on rows near resonance: a 0.999, b 0.001, and 2 more."
+    assert _name_laws(laws[:2]) == "Laws by weight on rows near resonance: a 0.999, b 0.001."
 
 
 @pytest.mark.usefixtures("few_laws")

@@ -130,9 +130,13 @@ def corrected_mode(fit: ModelFit) -> Mode:
     """The simulation with its refitted parameters and the effects of a fit.
 
     Damping forces go to ``damping``: coefficients of forces of one name add, and a force that cancels is removed.
-    Corrected parameters replace the nominal ones. Everything else goes to ``effects``.
+    Corrected parameters replace the nominal ones. Everything else goes to ``effects``; beside a simulator, which has
+    its own damping and frequency, all effects.
     """
-    mode = fit.model.problem.simulation.mode
+    simulation = fit.model.problem.simulation
+    mode = simulation.mode
+    if simulation.simulator is not None:
+        return replace(mode, effects={**mode.effects, **_beside_simulator(effect_values(fit))})
     relative = refitted_values(fit)
     added: dict[str, Mapping[str, float]] = {}
     others: dict[str, Mapping[str, Any]] = dict(mode.effects)
@@ -161,6 +165,14 @@ def corrected_mode(fit: ModelFit) -> Mode:
         if slip := joints.get("slip"):
             joints["slip"] = {**slip, "stiffness": min(slip["stiffness"], mass * (RAD_S_PER_HZ * frequency) ** 2)}
     return replace(mode, frequency=frequency, mass=mass, damping=damping, effects=others)
+
+
+def _beside_simulator(values: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+    """Tables of effects as a file has them; a law instead of the viscous one is that law, with the viscous one gone."""
+    tables = {name: {key: value for key, value in of.items() if key != "instead"} for name, of in values.items()}
+    if tables != values:
+        tables["viscous-coefficient"] = {"relative": NO_SCATTER - 1.0}
+    return tables
 
 
 @dataclass(frozen=True)

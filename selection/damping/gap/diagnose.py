@@ -168,7 +168,8 @@ def explain(
     doubts = () if simulator is None else check_simulator(simulator, record)
     library = exclude_effects(CATALOGUE, mode, rows)
     of_states = (*list_repeated(given), *list_crossing(given), *list_unread(given))
-    cautions = [*doubts, *driven.notes, *of_states, *record_cautions(rows, record, stated)]
+    of_record = record_cautions(rows, record, stated, simulated=simulate is not None)
+    cautions = [*doubts, *driven.notes, *of_states, *of_record]
     if unused := ", ".join(stated.damping.keys() - mode.damping.keys()):
         cautions.append(f"the damping {unused} of the mode file is ignored: the simulation has its own")
     known, search, extrapolated = search_about_fit(start, library, done)

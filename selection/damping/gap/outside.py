@@ -15,12 +15,11 @@ from damping.effects import CATALOGUE, FOREIGN
 from damping.effects.course import SWEEP_RATE
 from damping.effects.foreign import SLOW_SPRING
 from damping.effects.masses import OTHER_MASS, VARYING_MASS
-from damping.errors import InputError
 from damping.gap.corrected import effect_values, refitted_values
 from damping.gap.directed import Test
+from damping.gap.freed import free_parameters
 from damping.gap.hypotheses import Hypothesis, leaves_noise
 from damping.gap.search import Search
-from damping.gap.simulation import MOST_TOLERANCES, within_tolerance
 from damping.gap.weighing import (
     EXCLUDED,
     INDISTINCT,
@@ -46,9 +45,6 @@ QUANTITIES = {
     1: "velocity entered as displacement",
     2: "acceleration entered as displacement, or the force of a rotating mass entered as constant",
 }
-#: Most fits of a parameter of a simulator, and the last change of its departure over itself: a fraction of its error.
-_MOST_TURNS = 12
-_SAME = 0.005
 
 
 @dataclass(frozen=True)
@@ -59,6 +55,7 @@ class Rival:
     log_odds: float  #: against the leading explanation
     apart: float = np.inf  #: distance of its best-fitting prediction from the leading one, in units of noise
     of_rig: bool = False  #: whether it blames the rig for what the leading explanation blames the structure for
+    of_simulator: bool = False  #: whether it is a parameter of the user's own simulation
 
     @property
     def indistinct(self) -> bool:
@@ -121,12 +118,17 @@ def _describe(hypothesis: Hypothesis, name: str) -> str:
 def _weigh_quantities(search: Search, leading: Hypothesis) -> list[Rival]:
     """Quantities of the files that are not as stated, compared with the leading explanation.
 
-    Only where the simulation with that quantity alone fits to the noise, with the prior of one effect.
+    Only where the simulation with that quantity alone fits to the noise, with the prior of one effect; of parameters of
+    a simulator see `damping.gap.freed`. Where nothing is blamed, only these, if more than noise is left.
     """
-    if not leading.effects or search.problem.rows.at_resonance:
+    is_left = search.unknown.first.dispersion > 1.0 or not leaves_noise(leading)
+    if search.problem.rows.at_resonance or not (leading.effects or is_left):
         return []
-    fits = chain(_convert_amplitudes(search), _free_rate(search), _free_parameters(search))
-    return [Rival(what, fit.log_evidence - leading.log_posterior) for what, fit in fits if leaves_noise(fit)]
+    freed = [Rival(what, log_odds, of_simulator=True) for what, log_odds in free_parameters(search, leading)]
+    least = max([rival.log_odds for rival in freed], default=0.0) - MOST_RIVAL if leading.effects else MOST_RIVAL
+    fits = chain(_convert_amplitudes(search), _free_rate(search)) if leading.effects else ()
+    others = [Rival(what, fit.log_evidence - leading.log_posterior) for what, fit in fits if leaves_noise(fit)]
+    return [*others, *(rival for rival in freed if rival.log_odds > least)]
 
 
 def _convert_amplitudes(search: Search) -> Iterator[tuple[str, Hypothesis]]:
@@ -155,33 +157,6 @@ def _free_rate(search: Search) -> Iterator[tuple[str, Hypothesis]]:
         return
     rate = effect_values(first.best)[SWEEP_RATE.name]["rate"] * problem.rows.up[0]
     yield f"a sweep rate of {rate:.3g} Hz/s in sweep {problem.rows.sweeps[0]}, in place of the stated one,", first
-
-
-def _free_parameters(search: Search) -> Iterator[tuple[str, Hypothesis]]:
-    """The fits with each parameter of a simulator at any value, where that is beyond its tolerance.
-
-    Z is linear in ln of the parameter between the stated value and the last fitted one, and so exact at that. The prior
-    is as wide as the two are apart, like that of a strength.
-    """
-    problem, simulator = search.problem, search.problem.simulation.simulator
-    if simulator is None:
-        return
-    for place, (name, tolerance) in enumerate(simulator.tolerances.items(), -len(simulator.values)):
-        by = least = MOST_TOLERANCES * tolerance
-        for _ in range(_MOST_TURNS if least else 0):
-            own = replace(problem.simulation, simulator=simulator.freed(name, by))
-            try:
-                alone = Search(replace(problem, simulation=own), {}, search.unknown).run().leading
-            except InputError:  # it need not answer there
-                break
-            fitted = alone.best.y[: alone.best.model.size][place]
-            change = float(within_tolerance(fitted)) - 1.0
-            by *= 1.0 + change / (1.0 + 0.5 * abs(by))  # the slope of exp turns a change by about -by/2
-            if abs(change) < _SAME:
-                if abs(by) > least:
-                    value = f"{simulator.values[name] * np.exp(by):.4g} ({np.expm1(by):+.1%})"
-                    yield f"a {name} of {value} in the simulator", alone
-                break
 
 
 def fit_foreign(search: Search, leading: Hypothesis) -> list[Hypothesis]:
@@ -251,11 +226,17 @@ def weigh_library(
 
 
 def name_better(outside: Sequence[Rival]) -> str:
-    """The cause ``outside`` the library that explains the record best, if better than any effect does; else empty."""
-    better = max(outside, key=lambda rival: rival.log_odds, default=None)
-    if better is None or better.log_odds <= MOST_RIVAL:
+    """The cause ``outside`` the library that explains the record best, if better than any effect does; else empty.
+
+    A parameter of the user's simulation is named from even odds: the library has no effect for it.
+    """
+    least = {False: MOST_RIVAL, True: -_EVEN}
+    better = [rival for rival in outside if rival.log_odds > least[rival.of_simulator]]
+    if not better:
         return ""
-    return f"{better.cause.rstrip(',')} (log odds {better.log_odds:.1f} against the best explanation of the library)"
+    best = max(better, key=lambda rival: rival.log_odds)
+    odds = round(best.log_odds, 1) + 0.0
+    return f"{best.cause.rstrip(',')} (log odds {odds:.1f} against the best explanation of the library)"
 
 
 def describe_outside(outside: Sequence[Rival], leading: Hypothesis) -> list[str]:
@@ -264,7 +245,7 @@ def describe_outside(outside: Sequence[Rival], leading: Hypothesis) -> list[str]
 
 
 def _describe_rival(rival: Rival, leading: Hypothesis) -> str:
-    named, log_odds = " + ".join(leading.effects), f"log odds {round(rival.log_odds, 1) + 0.0:.1f}"
+    named, log_odds = " + ".join(leading.effects) or "no effect", f"log odds {round(rival.log_odds, 1) + 0.0:.1f}"
     if rival.indistinct:
         return (
             f"look at the rig first: {rival.cause} cannot be separated from {named} by this record (their best-fitting "

@@ -194,8 +194,8 @@ def _refuse_other_mode(rows: PhasorRows, mode: Mode) -> None:
     )
 
 
-def record_cautions(rows: PhasorRows, record: Record, mode: Mode) -> list[str]:
-    """Cautions about what this record cannot say."""
+def record_cautions(rows: PhasorRows, record: Record, mode: Mode, *, simulated: bool = False) -> list[str]:
+    """Cautions about what this record cannot say; ``simulated``: the mode only stands for a user's own simulation."""
     cautions = []
     if rows.at_resonance:
         cautions.append(
@@ -217,9 +217,9 @@ def record_cautions(rows: PhasorRows, record: Record, mode: Mode) -> list[str]:
     if mode.repeatability.amplitude is None and mode.repeatability.frequency is None and len(rows.sweeps) < 3:
         cautions.append("repeatability is not stated and cannot be estimated from so few sweeps")
     cautions += _list_noise_cautions(rows, record)
-    if not mode.damping:
+    if not mode.damping and not simulated:
         cautions.append("the simulation has no damping")
-    if mode.tolerance.from_record:
+    if mode.tolerance.from_record and not simulated:
         cautions.append(
             "frequency, mass and damping of the simulation were taken from this record (from_record): they are "
             "free, and errors in them cannot be detected"

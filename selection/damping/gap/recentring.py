@@ -29,7 +29,7 @@ def search_about_fit(
     """
     known, search = search_hypotheses(setting, effects, done)
     try:
-        simulation = _expand_about(search.leading.best)
+        simulation = expand_about(search.leading.best)
         if simulation is None:
             return known, search, ()
         problem = replace(setting.problem, simulation=simulation)
@@ -51,7 +51,7 @@ def _describe_extrapolation(why: str) -> str:
     return f"{what}, since {why}: run it with the corrected ones before they are trusted"
 
 
-def _expand_about(fit: ModelFit) -> Simulation | None:
+def expand_about(fit: ModelFit) -> Simulation | None:
     """The simulation with the simulator expanded about a fit, repeated there; None if that changes nothing.
 
     InputError: as of `damping.gap.simulator.Simulator.answer`.

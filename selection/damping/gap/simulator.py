@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from inspect import signature
+from inspect import isclass, iscoroutinefunction, signature, unwrap
 from numbers import Real
 from pathlib import Path
 from traceback import extract_tb
@@ -66,6 +66,9 @@ class Simulator:
         if not callable(function):
             given = f"the simulator is of type {type(function).__name__}"
             raise InputError(given, expected="a function of force, frequency")
+        for kind, is_of in (("class", isclass), ("coroutine", iscoroutinefunction)):
+            if is_of(unwrap(function)):
+                raise InputError(f"the simulator is a {kind}", expected="a function, def simulate(force, frequency)")
         try:
             every = signature(function).parameters.values()
         except ValueError:  # some functions of Python itself tell none

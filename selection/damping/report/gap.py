@@ -9,12 +9,13 @@ import pandas as pd
 from damping import report as words
 from damping.effects import CATALOGUE
 from damping.forces.shapes import FORCE, LENGTH, TIME, Shape
-from damping.gap.corrected import describe_effects, effect_intervals, is_gone, name_places
+from damping.gap.corrected import describe_effects, effect_intervals, is_gone, name_places, refitted_values
 from damping.gap.diagnose import Diagnosis
 from damping.gap.directed import ALARM, smallest_p
 from damping.gap.outside import name_better
 from damping.gap.readings import describe_rest
 from damping.gap.scatter import describe_repeatability, describe_scatter
+from damping.gap.simulation import MOST_TOLERANCES
 from damping.gap.simulator_checks import RESEMBLES
 from damping.gap.weighing import KNOWN
 from damping.records.mode import Units
@@ -24,15 +25,21 @@ from damping.report.page import Block, List, Text, write_sections
 #: Probability that the library holds the cause below which no sizes are reported: they are of absent effects.
 SIZED = 0.1
 _DIGITS = (3, 8)  #: fewest and most significant digits of a size
+#: Least move of a parameter that is told, in tolerances: smaller ones change no one's opinion of the stated value. One
+#: of about a tolerance is told even if its interval holds 0, as where another parameter acts alike.
+_MOVED = 0.1
+_FAR_MOVED = 0.8
+_AT_LIMIT = 0.95  #: share of ``MOST_TOLERANCES`` from which a refitted parameter is at the limit, and has no interval
 MOST_BARS = 8  #: explanations drawn
 
 
 def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
     """Sentences by topic.
 
-    ``verdict`` (one: the cause, its probability, whether it is complete), ``sizes`` (of effects), ``place`` (of most of
-    the gap), ``doubts`` (effects that cannot be separated), ``trends`` (of local damping and frequency with amplitude),
-    ``reach`` (how far the gap shrinks on held-out levels), ``following`` (what to test next).
+    ``verdict`` (one: the cause, its probability, whether it is complete), ``sizes`` (of effects), ``refit`` (parameters
+    of the simulation that moved), ``place`` (of most of the gap), ``doubts`` (effects that cannot be separated),
+    ``trends`` (of local damping and frequency with amplitude), ``reach`` (how far the gap shrinks on held-out levels),
+    ``following`` (what to test next).
     """
     leading, places = diagnosis.hypotheses[0], name_places(diagnosis.leading)
     parameters = describe_effects(diagnosis.leading.best)[0]
@@ -46,6 +53,7 @@ def describe_diagnosis(diagnosis: Diagnosis) -> dict[str, list[str]]:
             f"{_say_effect(name, parameters[name])} ({named[name]})" if name in CATALOGUE else name for name in named
         ],
         "sizes": _list_sizes(diagnosis) if diagnosis.in_library >= SIZED else [],
+        "moved": _list_moved(diagnosis) if diagnosis.in_library >= SIZED else [],
         "top": diagnosis.where[0],
         "trends": [(what, trend) for what, trend in trends if trend is not None],
         "test": next(iter(diagnosis.next_tests), None),
@@ -101,6 +109,30 @@ def _list_sizes(diagnosis: Diagnosis) -> list[str]:
         switches = [shape for shape in CATALOGUE[effect].shapes if shape.switch] if effect in CATALOGUE else []
         sizes += [f"{effect}: {shape.label}" for shape in switches if values[effect].get(shape.name)]
     return sizes
+
+
+def _list_moved(diagnosis: Diagnosis) -> list[str]:
+    """Parameters of the simulation that the fit moved by more than their intervals or about a tolerance, by how much.
+
+    No tolerances where the record itself gave the values, or a base drive makes mass and damping uncertain.
+    """
+    fit, moved = diagnosis.leading.best, list[str]()
+    simulation, intervals = fit.model.problem.simulation, effect_intervals(fit)["simulation"]
+    own = simulation.simulator.tolerances if simulation.simulator else {}
+    stated = not simulation.mode.tolerance.from_record and simulation.mode.drive != "base"
+    by_name = dict(zip(simulation.names, simulation.tolerance, strict=True))
+    for name, value in refitted_values(fit).items():
+        tolerances, (low, high) = float(np.log1p(value)) / (by_name[name] or 1.0), intervals.get(name, (value, value))
+        if abs(tolerances) < (_FAR_MOVED if low < 0.0 < high else _MOVED):
+            continue
+        shown, *ends = (f"{100.0 * x:+#.{count_digits(value, low, high)}g}".rstrip(".") for x in (value, low, high))
+        told = [f"{ends[0]} to {ends[1]}"] if name in intervals else []
+        if abs(tolerances) > _AT_LIMIT * MOST_TOLERANCES:
+            told = [f"at the limit of {MOST_TOLERANCES:g} tolerances"]
+        elif stated or name in own:
+            told.append(f"{abs(tolerances):.2g} tolerances")
+        moved.append(f"{name} {shown} % ({'; '.join(told)})")
+    return moved
 
 
 def count_digits(value: float, low: float, high: float) -> int:
