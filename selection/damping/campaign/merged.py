@@ -37,7 +37,7 @@ _FEWEST_ROWS = 12  # about a mode
 _PASSES = 3  # between p and the residues
 
 
-class Excess(NamedTuple):
+class FurtherShape(NamedTuple):
     """Squared residuals about a mode over those expected from their second differences, 1 for noise; 0: not known."""
 
     size: float
@@ -91,10 +91,10 @@ def describe_excess(levels: Sequence[Level], mode: int) -> tuple[str, ...]:
     return (f"{near} of the rows, in another shape: {cause}",)
 
 
-def measure_excess(levels: Sequence[Level], mode: int) -> Excess:
+def measure_excess(levels: Sequence[Level], mode: int) -> FurtherShape:
     """The excess about a mode, median over the levels."""
     size, at = np.median([_measure_excess(level, mode) for level in levels], axis=0)
-    return Excess(float(size), float(at))
+    return FurtherShape(float(size), float(at))
 
 
 def _choose_rows(level: Level, mode: int) -> tuple[IntArray, IntArray]:
@@ -109,10 +109,10 @@ def _choose_rows(level: Level, mode: int) -> tuple[IntArray, IntArray]:
     return rows, np.flatnonzero(np.abs(fit.frequency - fit.frequency[mode]) <= half + half[mode])
 
 
-def _measure_excess(level: Level, mode: int) -> Excess:
+def _measure_excess(level: Level, mode: int) -> FurtherShape:
     """The excess about a mode of one level; also 0 where it is less than ``LEAST_SHARE`` of the motion."""
     fit, (rows, modes) = level.fit, _choose_rows(level, mode)
-    none = Excess(0.0, float(fit.frequency[mode]))
+    none = FurtherShape(0.0, float(fit.frequency[mode]))
     if len(rows) < _FEWEST_ROWS or len(modes) >= len(level.H):
         return none
     near, H, columns, coefficients = 2 + modes, level.H[:, rows], fit.columns(level.f[rows]), fit.local[mode]
@@ -127,7 +127,7 @@ def _measure_excess(level: Level, mode: int) -> Excess:
         return none
     rough = float(np.mean(np.abs(np.diff(residual, n=2, axis=1)) ** 2)) / 6.0
     power = np.mean(np.abs(residual) ** 2, axis=0)
-    return Excess(float(power.mean()) / max(rough, 1e-300), float(level.f[rows[np.argmax(power)]]))
+    return FurtherShape(float(power.mean()) / max(rough, 1e-300), float(level.f[rows[np.argmax(power)]]))
 
 
 def describe_shapes(levels: Sequence[Level], k: int, kept: BoolArray) -> list[str]:
