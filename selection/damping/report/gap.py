@@ -25,9 +25,11 @@ from damping.report.page import Block, List, Text, write_sections
 #: Probability that the library holds the cause below which no sizes are reported: they are of absent effects.
 SIZED = 0.1
 _DIGITS = (3, 8)  #: fewest and most significant digits of a size
-#: Least move of a parameter that is told, in tolerances: smaller ones change no one's opinion of the stated value. One
-#: of about a tolerance is told even if its interval holds 0, as where another parameter acts alike.
-_MOVED = 0.1
+#: Least move of a parameter that is told, in tolerances, or of its value where a tolerance is wide: smaller ones change
+#: no one's opinion of the stated value. One of about a tolerance is told even if its interval holds 0, as where another
+#: parameter acts alike.
+_MOVED = 0.5
+_LARGE = 0.05
 _FAR_MOVED = 0.8
 _AT_LIMIT = 0.95  #: share of ``MOST_TOLERANCES`` from which a refitted parameter is at the limit, and has no interval
 MOST_BARS = 8  #: explanations drawn
@@ -112,7 +114,7 @@ def _list_sizes(diagnosis: Diagnosis) -> list[str]:
 
 
 def _list_moved(diagnosis: Diagnosis) -> list[str]:
-    """Parameters of the simulation that the fit moved by more than their intervals or about a tolerance, by how much.
+    """Parameters of the simulation that the fit surely moved by much, or by about a tolerance, and by how much.
 
     No tolerances where the record itself gave the values, or a base drive makes mass and damping uncertain.
     """
@@ -123,7 +125,8 @@ def _list_moved(diagnosis: Diagnosis) -> list[str]:
     by_name = dict(zip(simulation.names, simulation.tolerance, strict=True))
     for name, value in refitted_values(fit).items():
         tolerances, (low, high) = float(np.log1p(value)) / (by_name[name] or 1.0), intervals.get(name, (value, value))
-        if abs(tolerances) < (_FAR_MOVED if low < 0.0 < high else _MOVED):
+        is_large = abs(tolerances) > _MOVED or abs(value) > _LARGE
+        if abs(tolerances) < _FAR_MOVED and (low < 0.0 < high or not is_large):
             continue
         shown, *ends = (f"{100.0 * x:+#.{count_digits(value, low, high)}g}".rstrip(".") for x in (value, low, high))
         told = [f"{ends[0]} to {ends[1]}"] if name in intervals else []
