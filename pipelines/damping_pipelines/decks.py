@@ -87,8 +87,8 @@ def export_deck(source: Path, out: Path, code: str, record: str | None) -> None:
         raise InputError(f"--to {code!r} is unknown", expected=" or ".join(COMMENTS))
     check_outputs({"--out": out}, *list_files(source))
     form, content = read_damping(source, record)
-    of_force = form.drive, form.units.force
-    drive, unit = (form.level_name, form.level_unit) if isinstance(form, CampaignForm) else of_force
+    stated = (form.drive, form.units.force)
+    drive, unit = (form.level_name, form.level_unit) if isinstance(form, CampaignForm) else stated
     if code == "openfast" and "base acceleration" in (form.drive, drive):
         raise AnalysisError(f"{source}: coefficients are of a force, and this form is of base acceleration")
     levels, missing = _list_levels(form, drive, unit)

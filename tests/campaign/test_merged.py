@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from damping.campaign import analyse
-from damping.campaign.modal_fit import find_peaks_of
+from damping.campaign.merged import add_missing
+from damping.campaign.modal_fit import Level, find_peaks_of, fit_level
 from tests.campaign.spectra import write_force_runs
 
 LEVELS = (1.0, 2.0, 4.0)
@@ -36,6 +39,24 @@ def test_two_modes_in_one_peak_are_told_apart(tmp_path, few_laws, apart):
     for mode, ratio in zip(found.modes, RATIOS, strict=True):
         for at in mode.places:
             assert at.ratio[1] < ratio < at.ratio[2], at
+
+
+def test_a_level_without_rows_near_two_modes_in_one_peak():
+    """Two sensors see the two only next to their peak, where the highest run has no rows."""
+    w_n, levels = 2 * np.pi * np.array([[50.0], [50.6], [55.0]]), []
+    shapes = np.array([[1.0, 0.8, 0.5], [0.6, -0.7, 0.9]])
+
+    def fit(starts):
+        return [replace(level, fit=fit_level(level.f, level.H, starts, -1.0)) for level in levels]
+
+    for begin in (46.0, 46.0, 53.0):
+        f = np.linspace(begin, 60.0, 300)
+        w = 2 * np.pi * f
+        H = -(w**2) * (shapes @ (1.0 / (w_n**2 - w**2 + 2j * 0.006 * w_n * w)))
+        H = H * (1.0 + 0.003 * np.random.default_rng(0).normal(size=(2, len(f), 2)) @ [1.0, 1j])
+        levels.append(Level(None, f, H, np.ones_like(f), fit_level(f, H, [50.2, 55.0], -1.0)))
+    for level in add_missing(levels, fit)[:2]:
+        np.testing.assert_allclose(level.fit.frequency, w_n[:, 0] / (2 * np.pi), rtol=1e-3)
 
 
 def test_one_mode_named_for_two_gets_a_caution(tmp_path, few_laws):

@@ -111,6 +111,7 @@ def test_functions_of_another_excitation_than_a_sine_are_doubted(tmp_path, title
         ("{} N rms", (1.414, 2.828), None, False),
         ("{} lbf", (4.448, 8.896), None, False),
         ("{} g", (4.448, 8.896), None, False),
+        ("{} N, acc g rms", (1.0, 2.0), None, False),
     ],
 )
 def test_a_stated_force_that_is_not_that_of_the_label_is_doubted(tmp_path, title, forces, scaling, said):
@@ -126,13 +127,16 @@ def test_a_stated_force_that_is_not_that_of_the_label_is_doubted(tmp_path, title
     assert any("names another level than --force" in note for note in summary.notes) == said
 
 
-@pytest.mark.parametrize("named", ["name", "line", "header", ""])
+@pytest.mark.parametrize("named", ["name", "line", "header", "", "noise 1 %, seed 4", "sine, no random"])
 def test_tables_of_functions_name_their_excitation_anywhere(tmp_path, named):
-    """In the name of the file, in a line above the table or in a header, and not in ID lines alone."""
+    """In the name of the file, in a line above the table or in a header, and not in ID lines alone.
+
+    Such a word beside a sine, or of the readings' noise, is not of the excitation.
+    """
     f = np.linspace(31.0, 38.0, 60)
     H = -((2 * np.pi * f) ** 2) * slide(f, 2.0, hertz=34.0, mass=10.0, ratio=0.01, friction=0.1)
     file = tmp_path / ("bracket_random_2N.csv" if named == "name" else "bracket_2N.csv")
-    above = "Anregung: Rauschen\n" if named == "line" else ""
+    above = "Anregung: Rauschen\n" if named == "line" else f"{named}\n" if " " in named else ""
     word = "random " if named == "header" else ""
     header = f"frequency [Hz],{word}tip re [m/s^2/N],{word}tip im [m/s^2/N],coherence"
     rows = np.column_stack([f, H.real, H.imag, 0.99 + 0 * f])
@@ -140,9 +144,10 @@ def test_tables_of_functions_name_their_excitation_anywhere(tmp_path, named):
     stated = Stated(forces=(2.0,), units={"force": "N"}, columns={"x": "2", "y": "3"})
     series, summary = read_file(file, stated)
     steady_record(series, stated, file, summary)
+    is_doubted = named in ("name", "line", "header")
     for notes in (read_runs([file], 1_000_000)[1].notes, summary.notes):
         assert any("with a stepped or swept sine" in note for note in notes)
-        assert any("caution" in note and "not of a sine" in note for note in notes) == bool(named)
+        assert any("caution" in note and "not of a sine" in note for note in notes) == is_doubted
 
 
 def test_a_level_that_one_function_of_a_run_names_is_that_of_all(tmp_path):

@@ -29,7 +29,8 @@ def list_function_runs(source: Source) -> list[CampaignRun]:
 def _group_functions(functions: Sequence[Function]) -> dict[str, list[Function]]:
     """Functions of a universal file by level: that in the first ID line, else in another ID line of all functions.
 
-    The other line must distinguish functions of the same title and place, or contain one level and nothing else.
+    The other line must distinguish functions of the same title and place, or contain one level and nothing else. A
+    level that only some name, such as the drive, is that of all if each is of another place.
     """
     places = [(f.of.title, f.of.place, f.of.function, f.of.quantity) for f in functions]
     labels = [_label_level(f.of.title) for f in functions]

@@ -38,10 +38,13 @@ _PASSES = 3  # between p and the residues
 
 
 class FurtherShape(NamedTuple):
-    """Squared residuals about a mode over those expected from their second differences, 1 for noise; 0: not known."""
+    """Squared residuals about a mode over those expected from their second differences, 1 for noise.
+
+    0: not known, or less than ``LEAST_SHARE`` of the motion.
+    """
 
     size: float
-    at: float  #: frequency of the largest, Hz
+    at: float  #: frequency of the largest at the level of the median, as if the mode had its first frequency there, Hz
 
 
 def add_missing(levels: list[Level], fit: Callable[[Sequence[float]], list[Level]]) -> list[Level]:
@@ -65,18 +68,21 @@ def add_missing(levels: list[Level], fit: Callable[[Sequence[float]], list[Level
 def _measure_left(trial: Sequence[Level], levels: Sequence[Level], mode: int) -> float:
     """Squared residuals of a trial over those of the sensors in the rows about a mode of the ``levels``.
 
-    Infinite unless the frequencies rise and none of the other modes left its place.
+    Infinite unless none of the other modes left its place and the frequencies rise, as they did before.
     """
     left = 0.0
     for level, before in zip(trial, levels, strict=True):
         rows, _ = _choose_rows(before, mode)
+        if len(rows) < _FEWEST_ROWS:
+            continue
         H, f, frequency = level.H[:, rows], level.f[rows], level.fit.frequency
         own = level.fit.local[int(np.argmin(np.abs(frequency - before.fit.frequency[mode])))]
         residual = H - own @ level.fit.columns(f).T
         left += float(np.mean(np.sum(np.abs(residual) ** 2, axis=1) / np.sum(np.abs(H) ** 2, axis=1)))
         low, high = f.min() * (1.0 - MOVED), f.max() * (1.0 + MOVED)  # a mode beyond the rows shows in them, too
         now, then = (np.count_nonzero((low <= at) & (at <= high)) for at in (frequency, before.fit.frequency))
-        if now - then != len(frequency) - len(before.fit.frequency) or not np.all(np.diff(frequency) > 0.0):
+        rises = np.all(np.diff(frequency) > 0.0) or not np.all(np.diff(before.fit.frequency) > 0.0)
+        if now - then != len(frequency) - len(before.fit.frequency) or not rises:
             return np.inf
     return left
 
@@ -87,14 +93,16 @@ def describe_excess(levels: Sequence[Level], mode: int) -> tuple[str, ...]:
     if excess.size < MERGED:
         return ()
     near = f"near {excess.at:.4g} Hz the fit leaves {excess.size:.0f} times the squared scatter"
-    cause = "probably two close modes, or one more, for which no band holds; try --modes F1,F2,... in Hz"
+    cause = "probably two close modes, or one without a peak, for which no band holds; try --modes F1,F2,... in Hz"
     return (f"{near} of the rows, in another shape: {cause}",)
 
 
 def measure_excess(levels: Sequence[Level], mode: int) -> FurtherShape:
-    """The excess about a mode, median over the levels."""
-    size, at = np.median([_measure_excess(level, mode) for level in levels], axis=0)
-    return FurtherShape(float(size), float(at))
+    """The excess about a mode at the level of the (upper) median."""
+    measured = [_measure_excess(level, mode) for level in levels]
+    k = int(np.argsort([excess.size for excess in measured])[len(measured) // 2])
+    moved = levels[k].fit.frequency[mode] / levels[0].fit.frequency[mode]
+    return FurtherShape(measured[k].size, measured[k].at / float(moved))
 
 
 def _choose_rows(level: Level, mode: int) -> tuple[IntArray, IntArray]:
@@ -110,7 +118,7 @@ def _choose_rows(level: Level, mode: int) -> tuple[IntArray, IntArray]:
 
 
 def _measure_excess(level: Level, mode: int) -> FurtherShape:
-    """The excess about a mode of one level; also 0 where it is less than ``LEAST_SHARE`` of the motion."""
+    """The excess about a mode of one level."""
     fit, (rows, modes) = level.fit, _choose_rows(level, mode)
     none = FurtherShape(0.0, float(fit.frequency[mode]))
     if len(rows) < _FEWEST_ROWS or len(modes) >= len(level.H):

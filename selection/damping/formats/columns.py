@@ -8,6 +8,8 @@ import re
 from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from io import BytesIO
+from itertools import islice
 
 import numpy as np
 
@@ -133,7 +135,7 @@ class TextTable:
     @property
     def remarks(self) -> tuple[str, ...]:
         """The lines above the header, of which the first are looked at."""
-        above = self.data.replace(b"\r\n", b"\n").split(b"\n", min(self.line - 1, _LOOKED_AT))[:-1]
+        above = islice(BytesIO(self.data), min(self.line - 1, _LOOKED_AT))
         return tuple(line[:_LONGEST_REMARK].decode(errors="replace").strip() for line in above)
 
     def read(self, places: Mapping[str, int]) -> tuple[dict[str, FloatArray], tuple[str, ...] | None]:

@@ -13,6 +13,13 @@ BROADBAND = re.compile(
     r"impulshammer|rauschen|rauschanregung|zufallsanregung|stoßanregung|aléatoire|bruit|marteau|choc|aleatori[oa]|"
     r"ruido|martillo|casuale|rumore|martello)(?![^\W\d_])"
 )
+#: What a text says if such a word in it is not of the excitation: a sine, or a quantity beside it.
+_OTHER = re.compile(
+    r"(?i)(?<![^\W\d_])(?:sine|sinus|stepped|swept|dwell|floor|seed|no random|(?:impact|hammer) (?:damper|absorber))"
+    r"(?![^\W\d_])|noise\s*[=:\[(]?\s*[\d.]+\s*%|noise[\s_-](?:level|sd|of)"
+    r"|(?:phase|accel\w*|amplitude|electrical|measurement)[\s_-]noise"
+)
+_SINE = "functions are taken as measured with a stepped or swept sine of the amplitude of their level"
 _MEANS = (
     "a function of such an excitation shows the damping of that motion, not of a sine of the amplitude of its level"
 )
@@ -25,10 +32,13 @@ def note_excitation(texts: Iterable[str], summary: Summary) -> None:
     """
     if any(_MEANS in note for note in summary.notes):
         return
-    other = next((text for text in texts if BROADBAND.search(text)), None)
+    other = next((text for text in texts if BROADBAND.search(text) and not _OTHER.search(text)), None)
     if other is None:
-        summary.note("functions are taken as measured with a stepped or swept sine of the amplitude of their level")
+        if _SINE not in summary.notes:
+            summary.note(_SINE)
         return
+    if _SINE in summary.notes:  # of another file
+        summary.notes.remove(_SINE)
     wrong = "if damping changes with amplitude, levels and predictions are wrong"
     remedy = "measure with a stepped or swept sine"
     summary.note(f"caution: {describe_shortened(other)!r}: {_MEANS}; {wrong}: {remedy}")

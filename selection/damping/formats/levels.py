@@ -13,7 +13,7 @@ from damping.arrays import FloatArray
 from damping.errors import InputError
 from damping.formats.arrays import read_arrays
 from damping.formats.columns import TextTable
-from damping.formats.headers import ABSCISSAS, NAMES, SCALING_WITHIN, ColumnHeader, parse_header
+from damping.formats.headers import ABSCISSAS, NAMES, SCALING_WITHIN, ColumnHeader, name_scaling, parse_header
 from damping.formats.quantity import find_powers, unit
 from damping.formats.roles import recognise
 from damping.formats.sampling import split
@@ -148,11 +148,15 @@ def _drop_level(header: ColumnHeader) -> ColumnHeader:
     return replace(own, text=header.text) if own.text == "phase" else own  # that alone is a lag in rad, as in a record
 
 
+def find_level_scaling(text: str) -> str | None:
+    """The scaling that stands behind the level in a text, as of 0.5 g rms; None if none does."""
+    match = LEVEL.search(text)
+    return name_scaling(SCALING_WITHIN.match(text[match.end() :].lstrip(_MARKS))) if match else None
+
+
 def _require_peak(texts: list[str], line: int | None) -> None:
     """Raise InputError for a level such as 0.5 g rms: the word may be of the drive or of the response."""
     for text in texts:
-        match = LEVEL.search(_space(text))
-        scaled = match and SCALING_WITHIN.match(_space(text)[match.end() :].lstrip(_MARKS))
-        if scaled and not scaled["peak"]:
-            what = f"{describe_shortened(text)!r}: is the level {scaled[0]}, or the response?"
+        if find_level_scaling(_space(text)) in ("rms", "peak-to-peak"):
+            what = f"{describe_shortened(text)!r}: is the level {find_level_scaling(_space(text))}, or the response?"
             raise InputError(what, line=line, expected="peak levels, and of a response amp [mm rms]")

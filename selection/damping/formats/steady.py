@@ -19,8 +19,7 @@ from damping.formats.conversion import (
     scaling,
 )
 from damping.formats.excitation import note_excitation
-from damping.formats.headers import SCALING_WITHIN, name_scaling
-from damping.formats.levels import find_level
+from damping.formats.levels import find_level, find_level_scaling
 from damping.formats.quantity import SYSTEMS, find_powers, unit
 from damping.formats.series import Samples, Series, Stated, Summary
 from damping.records.record import Record, find_problems
@@ -218,13 +217,14 @@ def _force(row: Series, keep: BoolArray, level: float | None, to: Conversion, kn
 
 def _compare_with_label(label: str, stated: float, known: Statements) -> None:
     """Note a caution if a label names another level than the force that is stated."""
-    named, text = find_level(label.replace("_", " ")), known.unit_of("force")
+    words = label.replace("_", " ")
+    named, text = find_level(words), known.unit_of("force")
     if named is None or not named[0] > 0.0 or known.stated.consistent or find_powers(text) != find_powers(named[1]):
         return
     peak = stated * unit(text).factor * SCALINGS[known.stated.force_scaling or "peak"]
-    of_label = named[0] * unit(named[1]).factor * SCALINGS[name_scaling(SCALING_WITHIN.search(label)) or "peak"]
+    of_label = named[0] * unit(named[1]).factor * SCALINGS[find_level_scaling(words) or "peak"]
     if abs(peak / of_label - 1.0) > _LABEL_AGREES:
-        remedy = "give one --force for each sweep, in their order, and --scaling force=rms if they are rms"
+        remedy = "correct --force (one for each sweep, in their order), with --scaling force=rms if they are rms"
         known.summary.note(f"caution: {label!r} names another level than --force {stated:g} {text}: {remedy}")
 
 

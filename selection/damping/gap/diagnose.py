@@ -166,6 +166,8 @@ def explain(
         raise AnalysisError(f"{mode.source or mode.name}: {message}: {advice}")
     simulator = start.problem.simulation.simulator
     doubts = () if simulator is None else check_simulator(simulator, record)
+    if simulator is not None and simulator.values:  # its own parameters are uncertain, and not from the record
+        mode, stated = (replace(of, tolerance=replace(of.tolerance, from_record=False)) for of in (mode, stated))
     library = exclude_effects(CATALOGUE, mode, rows)
     of_states = (*list_repeated(given), *list_crossing(given), *list_unread(given))
     of_record = record_cautions(rows, record, stated, simulated=simulate is not None)

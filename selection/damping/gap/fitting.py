@@ -5,6 +5,7 @@ The evidence penalises every free shape and strength of a hypothesis (MacKay 199
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import chain
 from typing import Any, Self
 
@@ -87,7 +88,8 @@ class Fits:
         Strengths keep their units, so priors do not change. ``kept``: rows of this problem that the other one has.
         ``larger``: factor on the variance of its noise, by which odds are smaller.
         """
-        other, ranked = type(self)(problem, self.effects, unknown, units=self.units, done=self.done), self.ranked()
+        make, ranked = partial(type(self), units=self.units, choices=self.choices, done=self.done), self.ranked()
+        other = make(problem, self.effects, unknown)
         least = ranked[0].log_posterior - larger * _LOST_REFITTED
         probable = [hypothesis for hypothesis in ranked[:_MOST_REFITTED] if hypothesis.log_posterior > least]
         simple = [hypothesis for hypothesis in ranked if len(hypothesis.effects) == 1][:_MOST_SIMPLE]

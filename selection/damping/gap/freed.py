@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from damping.effects.contract import Effect
-from damping.errors import InputError
+from damping.errors import DampingError
 from damping.gap.hypotheses import Hypothesis, leaves_noise
 from damping.gap.recentring import expand_about
 from damping.gap.search import Search
@@ -88,6 +88,8 @@ def _fit_about(search: Search, simulator: Simulator, effects: Mapping[str, Effec
             if exact is None:
                 return freed.leading
             freed = freed.refit(replace(problem, simulation=exact), search.unknown)
-    except InputError:  # it need not answer there
+            if not freed.hypotheses:
+                return None
+    except DampingError:  # it need not answer there, nor have a steady state
         pass
     return None

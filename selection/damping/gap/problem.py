@@ -219,7 +219,7 @@ def record_cautions(rows: PhasorRows, record: Record, mode: Mode, *, simulated: 
     cautions += _list_noise_cautions(rows, record)
     if not mode.damping and not simulated:
         cautions.append("the simulation has no damping")
-    if mode.tolerance.from_record and not simulated:
+    if mode.tolerance.from_record:
         cautions.append(
             "frequency, mass and damping of the simulation were taken from this record (from_record): they are "
             "free, and errors in them cannot be detected"

@@ -38,8 +38,11 @@ def search_about_fit(
             moved = _move(search.leading.best)
             if moved is None:
                 return known, search, ()
-            known = replace(known, problem=replace(known.problem, simulation=moved.problem.simulation))
-            search = search.refit(known.problem, known.unknowns)
+            about = replace(known, problem=replace(known.problem, simulation=moved.problem.simulation))
+            again = search.refit(about.problem, about.unknowns)
+            if not again.hypotheses:
+                break
+            known, search = about, again
     except InputError as error:
         return known, search, (_describe_extrapolation(f"it fails about them ({error})"),)
     return known, search, (_describe_extrapolation("fits about them did not come to rest"),)

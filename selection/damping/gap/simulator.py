@@ -99,7 +99,7 @@ class Simulator:
         return Simulator(function, values, tolerances, mode)
 
     def freed(self, name: str, by: float) -> Simulator:
-        """The simulator with another tolerance of one parameter; below 0: slopes are to smaller values."""
+        """The simulator with another tolerance of one parameter."""
         centre = {other: at for other, at in self.centre.items() if other != name}
         return replace(self, tolerances={**self.tolerances, name: by}, centre=centre, _known={})
 

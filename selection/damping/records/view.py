@@ -137,7 +137,8 @@ class View:
                 continue
             else:
                 kind = classify_phase(run, turn)
-                likely[run.sweep] = classify_phase(run, turn, CERTAIN_BESIDE)
+                if may_be := classify_phase(run, turn, CERTAIN_BESIDE):
+                    likely[run.sweep] = may_be
             if kind:
                 kinds[run.sweep] = kind
         certain = set(kinds.values())

@@ -28,6 +28,7 @@ _TURNS = 2
 #: 10 %, none exceeded it; of 407 beats of two 33 did, with damping ratios up to 2.5 times too large.
 _ADDS_UP = 1.2
 _SURE = 3.0
+_LEVEL_OFF = 1e-6  #: change of ln of a decay rate below which it counts as constant: a quotient loses its digits there
 
 
 def find_release(x: FloatArray, z: ComplexArray, window: Window, cycles: float) -> int:
@@ -150,13 +151,16 @@ def _compare_falls(levels: pd.DataFrame) -> float:
     """Decay of levels over the fall of their amplitude, if it is surely above ``_ADDS_UP``; else 0.
 
     ``levels``: one row each, largest first, with the time ``t``, ``A``, ``delta`` and its standard error ``sd_delta``.
-    Where one is left out, the decay rate is taken as linear in time between its neighbours.
+    Where one is left out, the decay rate is taken as a power of e in time between its neighbours, whose mean is the
+    logarithmic one: that of friction alone grows by large factors.
     """
     t, A, delta, sd = (levels[name].to_numpy(dtype=np.float64) for name in ("t", "A", "delta", "sd_delta"))
     if len(t) < 2:
         return 0.0
     of_each, fall = 0.5 * (np.diff(t, append=t[-1]) + np.diff(t, prepend=t[0])), float(np.log(A[0] / A[-1]))
-    found, error = float(of_each @ delta), float(np.linalg.norm(of_each * sd))
+    steps = np.diff(np.log(np.maximum(delta, np.finfo(np.float64).tiny)))
+    means = np.where(np.abs(steps) > _LEVEL_OFF, np.diff(delta) / np.where(steps == 0.0, 1.0, steps), delta[1:])
+    found, error = float(np.diff(t) @ means), float(np.linalg.norm(of_each * sd))
     return found / fall if found - _ADDS_UP * fall > _SURE * error else 0.0
 
 
