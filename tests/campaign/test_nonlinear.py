@@ -92,10 +92,10 @@ def test_functions_of_another_excitation_than_a_sine_are_doubted(tmp_path, title
         H = -((2 * np.pi * f) ** 2) * slide(f, force, hertz=34.0, mass=10.0, ratio=0.01, friction=0.1)
         sets.append(data_set(title.format(force), f, H, function=4, ordinate=(12, "m/s^2"), per=(13, "N")))
     (tmp_path / "a.uff").write_text("".join(sets))
-    for notes in (
-        read_runs([tmp_path / "a.uff"], 1_000_000)[1].notes,
-        read_file(tmp_path / "a.uff", Stated(forces=(1.0, 2.0)))[1].notes,
-    ):
+    stated = Stated(forces=(1.0, 2.0))
+    series, summary = read_file(tmp_path / "a.uff", stated)
+    steady_record(series, stated, tmp_path / "a.uff", summary)
+    for notes in (read_runs([tmp_path / "a.uff"], 1_000_000)[1].notes, summary.notes):
         assert any("with a stepped or swept sine" in note for note in notes)
         assert any("caution" in note and "not of a sine" in note for note in notes) == said
 

@@ -8,6 +8,7 @@ import numpy as np
 from damping.campaign.runs import CampaignRun, find_level_of_ratio, refuse_forces
 from damping.campaign.tracked import Source, find_step
 from damping.errors import InputError
+from damping.formats.excitation import note_excitation
 from damping.formats.levels import DRIVE, LEVEL, find_level
 from damping.formats.uff import Function, read_functions
 from damping.records.text import read_bytes
@@ -23,6 +24,8 @@ def list_function_runs(source: Source) -> list[CampaignRun]:
     """The runs of a universal file, one for each level. InputError: no drive, response or level, or a broken file."""
     source.refuse_columns()
     functions = read_functions(read_bytes(source.file, source.most), source.summary)
+    if texts := [text for f in functions if f.of.function == 4 for text in (f.of.title, *f.of.notes)]:
+        note_excitation((source.file.stem, *texts), source.summary)
     return [_join_functions(label, group, source) for label, group in _group_functions(functions).items()]
 
 

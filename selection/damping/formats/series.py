@@ -37,7 +37,7 @@ class FileFacts:
     turn: bool = False  #: whether only the turn of the phase shows if it leads or lags
     units: Mapping[str, str] = field(default_factory=dict)  #: texts by quantity (``named.UNIT_OF``)
     angles: Mapping[str, str] = field(default_factory=dict)  #: ``degrees`` or ``radians`` by role, from headers
-    remarks: tuple[str, ...] = ()  #: that may name the excitation: lines above a table, headers
+    remarks: tuple[str, ...] = ()  #: that may name the excitation: ID lines, lines above a table, headers
 
 
 @dataclass(frozen=True)

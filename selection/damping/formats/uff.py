@@ -9,14 +9,12 @@ errors name no line, and it writes neither spectra (type 12) nor sweeps of one r
 in memory, where 3 to 5 times are taken here.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from damping.arrays import FloatArray
 from damping.errors import InputError
-from damping.formats.excitation import note_excitation
 from damping.formats.headers import ABSCISSAS, NAMES, refuse_decibels
 from damping.formats.quantity import unit
 from damping.formats.series import MOST_SWEEPS, FileFacts, Samples, Series, Summary
@@ -45,7 +43,6 @@ def read_uff(data: bytes, summary: Summary, datasets: tuple[int, ...], labels: t
     chosen = _list_chosen(sets, datasets)
     forces, responses = [s for s in chosen if s.is_force], [s for s in chosen if not s.is_force]
     _require_one_point(responses, datasets)
-    _note_excitation(responses, summary)
     series = []
     for response in responses:
         series.append(_series(response, data, summary))
@@ -82,18 +79,10 @@ def read_functions(data: bytes, summary: Summary) -> list[Function]:
     taken, entries = [], [entry for entry in sets if entry.function in (*_TAKEN, 5)]
     if not entries:
         raise InputError(f"no data set is a response: the first is {_describe_unfit(sets[0])}", expected=_EXPECTED)
-    _note_excitation(entries, summary)
     for entry in entries:
         x, y = values(data, entry)
         taken.append(Function(entry, _abscissa(x, entry, summary), y))
     return taken
-
-
-def _note_excitation(entries: Sequence[DataSet], summary: Summary) -> None:
-    """Note what frequency responses were measured with, by their ID lines."""
-    texts = [text for entry in entries if entry.function == 4 for text in (entry.title, *entry.notes)]
-    if texts:
-        note_excitation(texts, summary)
 
 
 def _as_lines(data: bytes) -> bytes:
@@ -184,6 +173,7 @@ def _series(entry: DataSet, data: bytes, summary: Summary) -> Series:
             per_force=entry.function == 4,
             scaling="peak" if PEAK in entry.notes else None,
             units=_units(entry, summary),
+            remarks=(entry.title, *entry.notes),
         ),
     )
 
