@@ -25,7 +25,7 @@ from damping.campaign.projection import solve_residues
 #: False alarms: none of 410 random campaigns of modes 10 % and more apart, all found, whose damping and stiffness
 #: change with amplitude, leaves as much next to a mode, and none of 80 in its cluster; 125 of 126 pairs 2 to 5 % apart
 #: do, and more than `LEAST_SHARE`. Of 40 pairs 2 to 9 % apart 39 are found, and 27 by the rows next to modes alone.
-MERGED = 10.0
+MISSING = 10.0
 #: Least root mean square of such residuals, over that of the modes, where the scatter is less: pairs of nearly the same
 #: shape leave 2 %; without any noise, the fit's own errors stand out of the scatter.
 LEAST_SHARE = 0.01
@@ -54,7 +54,7 @@ def add_missing(levels: list[Level], fit: Callable[[Sequence[float]], list[Level
     """
     frequency, ratio = levels[0].fit.frequency, levels[0].fit.ratio
     worst = max((measure_excess(levels, mode) for mode in range(len(frequency))), key=lambda excess: excess.size)
-    if worst.size < MERGED:
+    if worst.size < MISSING:
         return levels
     mode = int(np.argmin(np.abs(frequency - worst.at)))
     nearest, others = float(frequency[mode]), np.delete(frequency, mode)
@@ -90,7 +90,7 @@ def _measure_left(trial: Sequence[Level], levels: Sequence[Level], mode: int) ->
 def describe_excess(levels: Sequence[Level], mode: int) -> tuple[str, ...]:
     """A caution on a mode about which too much of the rows is left; none if it is not."""
     excess = measure_excess(levels, mode)
-    if excess.size < MERGED:
+    if excess.size < MISSING:
         return ()
     near = f"near {excess.at:.4g} Hz the fit leaves {excess.size:.0f} times the squared scatter"
     cause = "probably two close modes, or one without a peak, for which no band holds; try --modes F1,F2,... in Hz"

@@ -230,8 +230,7 @@ def name_better(outside: Sequence[Rival]) -> str:
 
     A parameter of the user's simulation is named from even odds: the library has no effect for it.
     """
-    least = {False: MOST_RIVAL, True: -_EVEN}
-    better = [rival for rival in outside if rival.log_odds > least[rival.of_simulator]]
+    better = [rival for rival in outside if rival.log_odds > (-_EVEN if rival.of_simulator else MOST_RIVAL)]
     if not better:
         return ""
     best = max(better, key=lambda rival: rival.log_odds)

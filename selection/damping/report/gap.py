@@ -130,10 +130,11 @@ def _list_moved(diagnosis: Diagnosis) -> list[str]:
             continue
         shown, *ends = (f"{100.0 * x:+#.{count_digits(value, low, high)}g}".rstrip(".") for x in (value, low, high))
         told = [f"{ends[0]} to {ends[1]}"] if name in intervals else []
-        if stated or name in own:
-            is_at_limit = abs(tolerances) > _AT_LIMIT * MOST_TOLERANCES
-            at_limit = [f"at the limit of {MOST_TOLERANCES:g} tolerances"]
-            told = at_limit if is_at_limit else [*told, f"{abs(tolerances):.2g} tolerances"]
+        is_bound = stated or name in own
+        if is_bound and abs(tolerances) > _AT_LIMIT * MOST_TOLERANCES:
+            told = [f"at the limit of {MOST_TOLERANCES:g} tolerances"]
+        elif is_bound:
+            told.append(f"{abs(tolerances):.2g} tolerances")
         moved.append(f"{name} {shown} % ({'; '.join(told)})")
     return moved
 
