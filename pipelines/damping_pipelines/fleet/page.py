@@ -225,7 +225,10 @@ def collect_facts(table: pd.DataFrame, good: pd.DataFrame, over: FloatArray) -> 
 
 
 def _range(values: FloatArray, records: int) -> tuple[float, float, str]:
-    """Ends of nine values of ten, or of all where they are few; in words, of which of so many ``records``."""
+    """The low and high end of nine values of ten, or of all if they are few, and in words which records these are.
+
+    ``records``: how many there are, those without a value too.
+    """
     few, every = len(values) < RECORDS_OF_TEN, len(values) == records
     low, high = np.quantile(values, [0.0, 1.0] if few else [0.05, 0.95])
     place = "in nine records of ten" if not few else "in all of them" if every else "where there is a prediction"

@@ -15,8 +15,9 @@ INCOHERENT = 0.5
 SMOOTH = 0.75  #: mean cosine of the steps of phase from row to row below which phases are not a smooth curve
 MOST_RADIANS = 6.0 * pi  #: largest range of a phase over a few modes; phases in degrees pass 180
 CERTAIN = 4.0  #: standard errors from 0 beyond which the sign of a mean sine of the phase is certain
-#: Least sine at the row of largest A/F with which it is certain too, if all rows agree: no noise turns a phase so far.
-#: With it and ``CERTAIN_BESIDE``, of 2203 sweeps of a wrong sign 3 are missed, not 46; of 1434 right ones, none named.
+#: Least |sine| of the phase at the row of largest A/F from which that sign is certain too, if the sines of all rows
+#: have it: no noise turns a phase so far. With it and ``CERTAIN_BESIDE`` 3 of 2203 sweeps of a wrong sign are missed,
+#: without them 46; of 1434 sweeps of the right sign none is named.
 CERTAIN_AT_PEAK = 0.7
 CERTAIN_BESIDE = 2.0  #: standard errors that suffice for the kind that other sweeps of the record certainly have
 
