@@ -15,6 +15,7 @@ from damping.errors import AnalysisError
 from damping.signals import PrincipalPlanes, energy_loss, plane_motion
 from damping.signals.chain import ConditioningStep, condition
 from damping.signals.description import Description
+from damping.signals.reading import list_doubts
 from damping_reed1970 import data_folder, load_table
 from damping_reed1970.chapter_3.study import saturn_steps, tabulate_conditioned
 
@@ -190,6 +191,19 @@ def test_branches_lie_on_either_side(two_planes: pd.DataFrame) -> None:
     assert np.all(low <= 0.005 * (1 + 1e-9))
     assert np.all(high >= 0.005 * (1 - 1e-9))
     assert np.all(high > low)
+
+
+def test_a_branch_that_changes_sides_is_told() -> None:
+    """One xi = .005 lies on the high side near the frequencies of the planes, and on the low side away from them."""
+    near = np.linspace(1.78, 1.87, len(F))
+    reading = np.asarray(energy_loss(PLANES, F, HZ * near, 0.005)) / np.pi / F  # phase pi/2: all of it takes energy
+    table = pd.DataFrame({"f": near, "F": F, "X": reading, "lag": 90.0, "note": "n"})
+    for branch, xi in (("low", None), ("high", None), ("near", 0.005)):
+        chosen = modal(principal=principal(branch, largest=10.0) | ({} if xi is None else {"xi": xi}))
+        steps = condition(table, chosen)
+        wrong = not np.allclose(steps[-1].after["xi"], 0.005, rtol=1e-6)  # roots of a polynomial, well apart
+        doubts = " ".join(list_doubts(table, chosen, steps))
+        assert wrong == (branch != "near") == (f"the {branch} root is not the one nearest to the median" in doubts)
 
 
 def test_no_row_with_a_damping_factor(two_planes: pd.DataFrame) -> None:

@@ -3,7 +3,6 @@
 Phasors: a motion A sin(omega t - phi) under F sin(omega t) is the complex number A exp(-i phi).
 """
 
-from collections.abc import Iterable, Sequence
 from math import radians
 from typing import NamedTuple
 
@@ -121,7 +120,7 @@ def table_3_iv(table: pd.DataFrame) -> dict[str, float]:
     """
     motion = signals.plane_motion(PLANES, _forces(table), *columns(table, "omega_rad_s", "xi"))
     points = list(table["point"])
-    roots = by_point("tab3IV.xi", nearest_roots(find_roots(table), table["xi"]), points)
+    roots = by_point("tab3IV.xi", signals.nearest_roots(find_roots(table), table["xi"].to_numpy(float)), points)
     return {
         **{key: root for key, root in roots.items() if not np.isnan(root)},
         **by_point("tab3IV.A2p", motion.A_p, points),
@@ -139,11 +138,6 @@ def find_roots(table: pd.DataFrame, planes: signals.PrincipalPlanes = PLANES) ->
     """
     rows = zip(_forces(table), *columns(table, "omega_rad_s", "energy_input_in_lb"), strict=True)
     return [signals.damping_roots(planes, F, omega, energy) for F, omega, energy in rows]
-
-
-def nearest_roots(points: Sequence[signals.DampingRoots], xi: Iterable[float]) -> FloatArray:
-    """The root nearest to each xi; NaN where there is none."""
-    return np.array([signals.nearest_root(point.roots, near) for point, near in zip(points, xi, strict=True)])
 
 
 def equation_3_2_18(table: pd.DataFrame) -> dict[str, float]:
@@ -234,7 +228,7 @@ def tabulate_mean() -> pd.DataFrame:
     choices = {
         "as printed": printed,
         "as printed, points with a root": np.where(none, np.nan, printed),
-        "the root nearest to each printed xi": nearest_roots(roots, printed),
+        "the root nearest to each printed xi": signals.nearest_roots(roots, printed),
         "every low root": low,
         "every high root (below .05, else low)": high_or_low,
         "every low root, points 10 and 13 at the xi of the largest energy": np.where(none, peak, low),

@@ -10,7 +10,7 @@ import pandas as pd
 from damping.arrays import FloatArray
 from damping.infer import SEED
 from damping.report.page import fill_text, join_lines
-from damping.signals import input_energy, plane_motion, viscous_energy
+from damping.signals import input_energy, nearest_roots, plane_motion, viscous_energy
 from damping.signals.chain import ConditioningStep, condition
 from damping.signals.reading import read_description, read_raw
 from damping_reed1970 import chapter_3, columns, data_folder, load_table
@@ -122,7 +122,7 @@ def tabulate_measured(steps: tuple[ConditioningStep, ...]) -> pd.DataFrame:
     table, motion, rows = load_table("3_III", "corrected"), load_table("3_I", "corrected"), chapter_3.tabulate_points()
     X, phase = columns(table, "tail_amplitude_in", "tail_phase_rad")
     F, omega = columns(motion, "force_lb", "omega_rad_s")
-    xi = chapter_3.nearest_roots(chapter_3.find_roots(rows), rows["xi"])
+    xi = nearest_roots(chapter_3.find_roots(rows), rows["xi"].to_numpy(float))
     planes = plane_motion(PLANES, F, omega, xi)
     record = steps[-1].after
     return pd.DataFrame(

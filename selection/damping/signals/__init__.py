@@ -205,6 +205,12 @@ def _positive_roots(equation: Polynomial) -> FloatArray:
     return roots
 
 
+def nearest_roots(points: Sequence[DampingRoots], xi: Floats, largest: float = np.inf) -> FloatArray:
+    """The root of each point nearest to its ``xi``, of those below ``largest``; NaN if none."""
+    near = np.broadcast_to(xi, len(points))
+    return np.array([nearest_root(p.roots[p.roots < largest], of) for p, of in zip(points, near, strict=True)])
+
+
 def nearest_root(roots: FloatArray, xi: float) -> float:
     """The root nearest to ``xi``; NaN if there is none."""
     return float(roots[np.argmin(np.abs(roots - xi))]) if roots.size else np.nan

@@ -182,17 +182,12 @@ def to_principal(table: pd.DataFrame, raw: pd.DataFrame, description: Descriptio
     """
     principal = description.principal
     assert principal is not None  # else the step is not in the chain
-    omega_p, omega_y = (description.units.rad_s * f for f in (principal.frequency_pitch, principal.frequency_yaw))
-    planes = signals.PrincipalPlanes(1.0, principal.mass, omega_p, omega_y, radians(principal.theta))
+    planes, energy, points = _solve_planes(table, description)
     F, omega = _column(table, "force"), _column(table, "omega")
-    energy = np.asarray(signals.input_energy(_column(table, "amplitude"), F, _column(table, "phase")))
-    rows = zip(F.tolist(), omega.tolist(), energy.tolist(), strict=True)
-    points = [signals.damping_roots(planes, *row) for row in rows]
     if principal.xi is None:
         xi = signals.branch(points, 0 if principal.branch == "low" else -1, principal.largest)
     else:  # that is, branch "near"
-        roots = [point.roots[point.roots < principal.largest] for point in points]
-        xi = np.array([signals.nearest_root(of_point, principal.xi) for of_point in roots])
+        xi = signals.nearest_roots(points, principal.xi, principal.largest)
     kept = np.isfinite(xi)
     if not kept.any():
         raise AnalysisError("at no point is there a damping factor that balances the energy (Eq. 3.2.15)")
@@ -201,6 +196,31 @@ def to_principal(table: pd.DataFrame, raw: pd.DataFrame, description: Descriptio
     after = table.drop(columns="phase").assign(force=pitch, amplitude=motion.A_p, energy=motion.E_p, xi=xi)
     removed = {"yaw amplitude": np.asarray(motion.A_y), "yaw energy": np.asarray(motion.E_y), "input energy": energy}
     return _step("principal planes", "Eqs. 3.2.1-3.2.15", table, after[kept], removed)
+
+
+def find_nearer_root(table: pd.DataFrame, xi: FloatArray, description: Description) -> FloatArray:
+    """The root of Eq. 3.2.15 nearest to the median of the ``xi`` taken, at each row of the working table in two planes.
+
+    A plane loses most energy at one damping factor; "low" and "high" are the roots on either side of it at each row.
+    """
+    assert description.principal is not None  # else there are no roots
+    return signals.nearest_roots(
+        _solve_planes(table, description)[2], float(np.median(xi)), description.principal.largest
+    )
+
+
+def _solve_planes(
+    table: pd.DataFrame, description: Description
+) -> tuple[signals.PrincipalPlanes, FloatArray, list[signals.DampingRoots]]:
+    """The principal planes, and the input energy (3.2.9) of each row with the damping factors that balance it."""
+    principal = description.principal
+    assert principal is not None  # else there are no planes
+    omega_p, omega_y = (description.units.rad_s * f for f in (principal.frequency_pitch, principal.frequency_yaw))
+    planes = signals.PrincipalPlanes(1.0, principal.mass, omega_p, omega_y, radians(principal.theta))
+    F, omega = _column(table, "force"), _column(table, "omega")
+    energy = np.asarray(signals.input_energy(_column(table, "amplitude"), F, _column(table, "phase")))
+    rows = zip(F.tolist(), omega.tolist(), energy.tolist(), strict=True)
+    return planes, energy, [signals.damping_roots(planes, *row) for row in rows]
 
 
 def to_record(table: pd.DataFrame, raw: pd.DataFrame, description: Description) -> ConditioningStep:

@@ -23,7 +23,7 @@ from damping.records.check_ceiling import find_ceiling
 from damping.records.keys import TomlTable, locate, read_schema, read_toml
 from damping.records.reading import read_table, require_column, take_numbers
 from damping.records.text import DEFAULT_MAX_SIZE, CsvRows, read_bytes
-from damping.signals.chain import IN_PHASE, ConditioningStep, condition
+from damping.signals.chain import IN_PHASE, ConditioningStep, condition, find_nearer_root
 from damping.signals.description import Description
 
 _PART = 1e-3  #: share of an uncertainty by which a column is moved; the relative error of the difference is its square
@@ -98,8 +98,8 @@ def _difference(name: str, record: pd.DataFrame, up: pd.DataFrame, down: pd.Data
 
 
 def list_doubts(raw: pd.DataFrame, description: Description, steps: tuple[ConditioningStep, ...]) -> tuple[str, ...]:
-    """Cautions: readings at a ceiling, removals beyond every measured amplitude, uncertainties beyond first order."""
-    doubts = _doubt_first_order(raw, description, steps)
+    """Cautions: readings at a ceiling, removals beyond every measured amplitude, uncertain roots and uncertainties."""
+    doubts = [*_doubt_first_order(raw, description, steps), *_doubt_branch(description, steps)]
     force = raw[description.raw.force].to_numpy(float)
     labels = raw[description.raw.sweep].astype(str) if description.raw.sweep else pd.Series("", raw.index)
     for sensor in description.sensors:
@@ -133,6 +133,25 @@ def _doubt_first_order(raw: pd.DataFrame, description: Description, steps: tuple
             rows = f"{np.sum(bent)} of {len(bent)} rows"
             doubts.append(f"{name}_sd is rough in {rows}: the readings are too uncertain to separate planes so close")
     return doubts
+
+
+def _doubt_branch(description: Description, steps: tuple[ConditioningStep, ...]) -> list[str]:
+    """Rows at which the root on the other side of the largest energy loss agrees with the others, and the chosen not.
+
+    "low" and "high" take the same side at every row, but one damping factor lies on either side: on the high side near
+    resonance, on the low side away from it.
+    """
+    step = next((step for step in steps if step.name == "principal planes"), None)
+    if step is None or description.principal is None or description.principal.branch == "near":
+        return []
+    xi = step.after["xi"].to_numpy(float)
+    nearer = find_nearer_root(step.before.loc[step.after.index], xi, description)
+    other = np.sum(nearer != xi)
+    if not other:
+        return []
+    rows, median = f"{other} of {len(xi)} rows", f"{np.median(xi):.3g}"
+    chosen = f"the {description.principal.branch} root is not the one nearest to the median, xi = {median}"
+    return [f'in {rows} {chosen}: branch = "near" with the xi of the mode takes either side']
 
 
 #: Notation of keys with several values.
