@@ -226,6 +226,30 @@ def test_a_sweep_that_jumps(cubic):
         assert found.amplitude == pytest.approx(LINEAR_PEAK, rel=5e-3)
 
 
+@pytest.mark.parametrize(
+    ("every", "amplitude", "lag", "said"), [(10, 0.2, 1.1, True), (29, 0.86, 0.43, False)], ids=["fallen", "falling"]
+)
+def test_a_row_read_during_a_jump_is_no_resonance(every, amplitude, lag, said):
+    """A softening mode falls off its large branch: a dwell is over before the motion has settled on the small one.
+
+    The row has the amplitude of the small branch and a phase of resonance, among rows that are fitted, or the reverse
+    beside few rows. It moved the resonance by 9 and 13 %.
+    """
+    f, A, phase = friction(1.5, 0.0, LINEAR_PEAK * np.sin(np.linspace(0.05, 1.55, 200)), -2e6)
+    branch = (399 - np.arange(200))[19:199:every]
+    beyond = f[branch].min() * (1.0 - 0.002 * np.arange(1, 12))
+    low, low_phase = linear(beyond[1:])
+    rows = (
+        np.r_[f[branch], beyond],
+        np.r_[A[branch], amplitude * LINEAR_PEAK, low],
+        np.r_[phase[branch], lag, low_phase],
+    )
+    swept = record(1.5, *rows)
+    # the last rows before the jump are at sin(phase) = 0.99 and more
+    assert resonance(swept, "A").amplitude == pytest.approx(LINEAR_PEAK, rel=0.01)
+    assert said == ("outlier" in {finding.check for finding in audit(swept).findings})
+
+
 @pytest.mark.parametrize("cubic", [-2e6, 2e6])
 @pytest.mark.parametrize("growth", [0.0, 3.0])
 def test_a_sweep_that_jumps_past_resonance(cubic, growth):

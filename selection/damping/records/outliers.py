@@ -3,7 +3,8 @@
 Each rule judges the runs as recorded, whatever the others find; an outlier is what any of them finds:
 1. `_stands_alone`: an amplitude a factor above, or below, both its neighbours;
 2. `_list_off_line`: with phases also a smaller step, of amplitude or phase alone, where the rows beside it move evenly;
-3. `find_misplaced_rows`: a frequency that alone breaks the order of its sweep, of a response that does not.
+3. `find_transitions`: a row on neither branch of a jump;
+4. `find_misplaced_rows`: a frequency that alone breaks the order of its sweep, of a response that does not.
 None is found where it may be a resonance, a jump, or another branch (many rows by 1, or by 2).
 """
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from damping.arrays import ComplexArray, FloatArray, IntArray
 from damping.records.record import Record
+from damping.records.resonance import find_transitions
 from damping.records.rows import order_taken
 from damping.records.runs import FEWEST_ROWS, NO_PARABOLA, Run, fit_parabola
 
@@ -23,11 +25,11 @@ SAME_BRANCH = 1.5
 
 
 def find_isolated_rows(run: Run) -> list[int]:
-    """Positions in the run of rows off their neighbours: by `_stands_alone`, and with phases by `_list_off_line`."""
+    """Positions in the run of rows off their neighbours, by the first three rules; the last two need phases."""
     n = len(run)
     if n < 2 * FEWEST_ROWS:
         return []
-    by_rule = [k for k in range(n) if _stands_alone(run, k)], _list_off_line(run)
+    by_rule = [k for k in range(n) if _stands_alone(run, k)], _list_off_line(run), _list_in_transition(run)
     return [k for places in by_rule if len(places) <= max(1.0, MOST_OUTLIERS * n) for k in places]
 
 
@@ -62,6 +64,10 @@ def _list_off_line(run: Run) -> list[int]:
     places = (1 + np.flatnonzero(far.any(axis=0))).tolist()
     beside = {k: miss(np.delete(rows, k))[max(k - 3, 0) : k + 1] for k in places}
     return [k for k, missed in beside.items() if np.abs(missed).max() < BESIDE_OFF_LINE * off[:, k - 1].max()]
+
+
+def _list_in_transition(run: Run) -> list[int]:
+    return [] if run.phase is None else np.flatnonzero(find_transitions(run.F, run.A, run.phase)).tolist()
 
 
 #: Largest difference of a low row's neighbours, ln A/F, over its fall below them: at a jump they differ by as much.
