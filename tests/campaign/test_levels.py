@@ -323,7 +323,7 @@ def test_dwells_that_begin_on_a_flank_show_every_mode():
 
 @pytest.mark.parametrize(("shape", "found"), [((0.3, 0.6, -0.3), [24.84, 31.23]), ((-0.9, 0.27, -0.54), [31.23])])
 def test_a_peak_low_on_the_flank_of_a_larger_one_is_a_mode_if_its_shape_is_another(shape, found):
-    """Twice as high as the saddle in power, it was passed over without a word; of the larger's shape it may be ringing."""
+    """Twice as high as the saddle in power, it was passed over without a word; of the same shape it may be ringing."""
     f = np.geomspace(17.0, 40.0, 500)
     w, H = 2 * np.pi * f, np.ones((3, 500), complex)
     for hertz, ratio, size in ((24.84, 0.026, shape), (31.23, 0.0127, (2.5, -0.75, 1.5))):
