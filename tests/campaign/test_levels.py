@@ -321,6 +321,17 @@ def test_dwells_that_begin_on_a_flank_show_every_mode():
     np.testing.assert_allclose(peaks, [12.0, 18.96], atol=0.0625)  # the space between dwells
 
 
+@pytest.mark.parametrize(("shape", "found"), [((0.3, 0.6, -0.3), [24.84, 31.23]), ((-0.9, 0.27, -0.54), [31.23])])
+def test_a_peak_low_on_the_flank_of_a_larger_one_is_a_mode_if_its_shape_is_another(shape, found):
+    """Twice as high as the saddle in power, it was passed over without a word; of the same shape it may be ringing."""
+    f = np.geomspace(17.0, 40.0, 500)
+    w, H = 2 * np.pi * f, np.ones((3, 500), complex)
+    for hertz, ratio, size in ((24.84, 0.026, shape), (31.23, 0.0127, (2.5, -0.75, 1.5))):
+        w_n = 2 * np.pi * hertz
+        H += np.array(size)[:, np.newaxis] * w**2 / (w_n**2 - w**2 + 2j * ratio * w_n * w)
+    np.testing.assert_allclose(find_peaks_of(f, H, 1.0), found, atol=0.05)  # of two rows, which are 0.04 Hz apart
+
+
 @pytest.mark.parametrize("start", [14.0, 27.3])
 def test_a_shaken_base_swept_from_a_flank_shows_every_mode(start):
     """Rows from 7 % below the first mode read 7 times the base, as much as the second mode does at its peak."""

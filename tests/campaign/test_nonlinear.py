@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from functools import partial
 
 import h5py
@@ -10,6 +11,8 @@ import numpy as np
 import pytest
 
 from damping.campaign import analyse
+from damping.campaign.modal_fit import fit_level
+from damping.campaign.responses import foresee_peaks
 from damping.campaign.sources import read_runs
 from damping.errors import InputError
 from damping.formats import read_file
@@ -234,6 +237,32 @@ def test_a_close_neighbour_follows_its_own_law_beyond_the_test(tmp_path, few_law
                 peak = size[min(peaks, key=lambda place: abs(place - 1000), default=1000)]
                 assert one.band[1] < peak < one.band[2], (mode.name, at.level, one, peak)
                 assert one.band[0] == pytest.approx(peak, rel=0.01), (mode.name, at.level, one)
+
+
+def test_a_far_mode_that_softens_leaves_the_peaks_of_a_high_one():
+    """In the band of a high mode, which softens within the sweep, the far modes and the base are thousands that cancel.
+
+    Where the lowest of these moved by 4 %, the peaks of the high one were foreseen 1.2 to 2.2 times too large. 4 %: a
+    fit of fixed stiffness misses the softening by 3 %.
+    """
+    f, shapes = np.geomspace(15.0, 90.0, 260), np.random.default_rng(0).normal(size=(6, 4))
+
+    def read(f, lowest):
+        w, w_n, H, a = 2 * np.pi * f, 2 * np.pi * 69.5, np.ones((6, len(f)), complex), np.zeros(len(f))
+        for _ in range(100):
+            high = w**2 / (w_n**2 * (1.0 - 0.02 * a) - w**2 + 0.03j * w_n * w)
+            a = 0.7 * a + 0.3 * 0.03 * np.abs(high)
+        for k, hertz in enumerate((lowest, 25.8, 33.2)):
+            far = 2 * np.pi * hertz
+            H += shapes[:, k : k + 1] * w**2 / (far**2 - w**2 + 0.03j * far * w)
+        return H + shapes[:, 3:] * high
+
+    noise = np.random.default_rng(1).normal(size=(6, len(f), 2)) @ [1.0, 1j]
+    fit = fit_level(f, read(f, 20.7) * (1.0 + 0.003 * noise), [20.7, 25.8, 33.2, 69.5], 1.0)
+    moved = replace(fit, frequency=fit.frequency * [0.96, 1.0, 1.0, 1.0])
+    peaks = foresee_peaks(fit, moved, 3, fit.residues[:, 3], float(fit.ratio[3]))
+    true = np.abs(read(69.5 * np.linspace(0.96, 1.02, 2001), 0.96 * 20.7)).max(axis=1)
+    np.testing.assert_allclose(peaks, true, rtol=0.04)
 
 
 def balance(f, force):

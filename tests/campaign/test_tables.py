@@ -669,6 +669,20 @@ def test_a_base_with_its_own_phase_drives(tmp_path, turned):
     np.testing.assert_allclose(run.channels[2].samples / run.drive, TRUTH[2.0][2] / 2.0, rtol=1e-9)
 
 
+@pytest.mark.parametrize("text", ["{} phase [deg]", "{} phase"])
+def test_a_sensor_that_hardly_turns_has_the_unit_of_the_others(tmp_path, text):
+    """3 degrees were refused as rad under [deg], and taken for rad without a unit; as those of a controlled base."""
+    content = table(2.0, text).drop(columns="Force [N]")
+    size, turn = 1.0 + 0.01 * np.sin(F), 3.0 * np.sin(3.0 * F)
+    content["foot [mm]"], content[text.format("foot")] = size, turn
+    content["control [g]"], content[text.format("control")] = 2.0, -turn
+    (run,), _ = read_runs([write_csv(tmp_path / "base.csv", content)], SIZE)
+    of = dict(zip(run.names, run.channels, strict=True))
+    np.testing.assert_allclose(of["foot"].samples, size * np.exp(1j * np.radians(turn)), rtol=1e-9)
+    np.testing.assert_allclose(of["mid"].samples, TRUTH[2.0][1], rtol=1e-9)
+    np.testing.assert_allclose(run.drive, 2.0 * np.exp(-1j * np.radians(turn)), rtol=1e-9)
+
+
 def test_amplitudes_in_groups_of_hdf5_share_a_frequency(tmp_path):
     """Real arrays with phases in rad, the frequency at the top of the file, a force for each group."""
     contents = {"freq": F}

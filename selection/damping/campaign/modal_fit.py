@@ -26,6 +26,13 @@ from damping.campaign.projection import Projection, project, solve_residues, sta
 from damping.campaign.runs import CampaignRun
 
 PROMINENCE = 1.0  #: least height of a peak of the indicator above its saddles, in ln of power: a factor e
+#: The same of a peak of another shape with ``PROMINENCE`` in quadrature with the drive, where the flanks of other modes
+#: add nothing. Chosen on 300 random campaigns (one to six modes, 1 to 30 sensors, noise to 6 %); of 1053 modes of 300
+#: others 857 have a peak, 777 without this, and no peak is false.
+IN_QUADRATURE = 0.35
+#: Largest square of the cosine between two shapes that differ: the ringing of a mode has its shape. In 100 sweeps at up
+#: to 8 octaves per minute this adds one peak of ringing to 129; any shape at 0.5 in place of 0.35 would add 66.
+OTHER_SHAPE = 0.8
 LEAST_T = 8.0  #: least residue of a mode at one sensor, in standard errors
 SMALLEST_RATIO = 1e-5  #: least damping ratio of a mode
 LARGEST_RATIO = 0.2  #: largest damping ratio of a mode
@@ -92,9 +99,14 @@ def find_peaks_of(f: FloatArray, H: ComplexArray, sign: float = 1.0) -> list[flo
     moved = H - (rigid if sign > 0.0 else 0.0)
     rough = np.median(np.abs(np.diff(H, n=2, axis=1)), axis=1) / np.sqrt(6.0)
     floor = float(np.sum((_FLOOR * rough) ** 2))
-    power = np.log(np.sum(np.abs(moved) ** 2, axis=0) + floor)
-    places, _ = find_peaks(power, prominence=PROMINENCE)
-    return [float(f[k]) for k in places if 2 <= k < len(f) - 2]
+    power, turned = (np.log(np.sum(x**2, axis=0) + floor) for x in (np.abs(moved), moved.imag))
+    places, found = find_peaks(power, prominence=IN_QUADRATURE)
+    turns, _ = find_peaks(turned, prominence=PROMINENCE)
+    is_mode = found["prominences"] >= PROMINENCE
+    beside = np.any(np.abs(f[turns][:, np.newaxis] / f[places] - 1.0) < MOVED, axis=0)
+    shapes = moved.imag[:, places] / np.linalg.norm(moved.imag[:, places], axis=0).clip(min=1e-300)
+    is_mode |= beside & np.all((shapes[:, is_mode].T @ shapes) ** 2 < OTHER_SHAPE, axis=0)
+    return [float(f[k]) for k in places[is_mode] if 2 <= k < len(f) - 2]
 
 
 def fit_level(

@@ -165,8 +165,10 @@ def _list_responses(
     assert at.ratio is not None
     residues, residues_sd = seen
     drive = at.input * unit(level.run.drive_unit).factor
-    peaks = np.array([_peaks(fits[0], k, residues, z) for z in (at.ratio.median, at.ratio.high, at.ratio.low)]) * drive
-    beside = np.array([_peaks(fit, k, residues, at.ratio.median) for fit in fits[1:]] or [peaks[0] / drive]) * drive
+    ratios, still = (at.ratio.median, at.ratio.high, at.ratio.low), level.fit
+    peaks = np.array([foresee_peaks(still, fits[0], k, residues, z) for z in ratios]) * drive
+    moved = [foresee_peaks(still, fit, k, residues, at.ratio.median) * drive for fit in fits[1:]]
+    beside = np.array(moved or [peaks[0]])
     for s, sensor in enumerate(level.run.channels):
         if np.isfinite(residues[s]):
             size = peaks[:, s] / (2.0 * pi * at.frequency) ** (2 - ORDERS[sensor.quantity]) / unit(sensor.unit).factor
@@ -177,19 +179,22 @@ def _list_responses(
             yield Response(sensor.name, sensor.quantity, sensor.unit, Bounds.about(median, below, above))
 
 
-def _peaks(fit: ModalFit, k: int, residues: FloatArray, ratio: float) -> FloatArray:
+def foresee_peaks(still: ModalFit, fit: ModalFit, k: int, residues: FloatArray, ratio: float) -> FloatArray:
     """|H| of each sensor (sensors,) at its peak nearest to the resonance, including the other modes and the base.
 
-    For a sensor without a peak there (on the flank of a neighbouring mode) it is |H| at the resonance.
+    For a sensor without a peak there (on the flank of a neighbouring mode) it is |H| at the resonance. Where the other
+    modes of the ``fit`` moved from those ``still`` there, their motion changes by the residues of their own bands: in
+    the band of this mode those of far modes, the base and e are large numbers whose sum alone is known.
     """
     frequency = float(fit.frequency[k])
     f = frequency * (1.0 + _SEARCHED * ratio * np.linspace(-1.0, 1.0, 401))
-    columns = fit.columns(f)
+    columns = still.columns(f)
+    change = fit.columns(f) - columns
     G = receptance(f, frequency, ratio, float(fit.slope[k]), float(fit.friction[k]))
-    columns[:, 2 + k] = fit.sign * (2.0 * pi * f) ** 2 * G
-    coefficients = fit.local[k].copy()
+    columns[:, 2 + k], change[:, 2 + k] = fit.sign * (2.0 * pi * f) ** 2 * G, 0.0
+    coefficients = still.local[k].copy()
     coefficients[:, 2 + k] = np.nan_to_num(residues)
-    size = np.abs(coefficients @ columns.T)
+    size = np.abs(coefficients @ columns.T + still.residues @ change[:, 2:].T)
     middle = len(f) // 2
     inner = (size[:, 1:-1] >= size[:, :-2]) & (size[:, 1:-1] > size[:, 2:])
     places = [np.flatnonzero(row) + 1 for row in inner]

@@ -8,11 +8,22 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from damping.errors import InputError
-from damping.formats.headers import NAMES, ColumnHeader, describe_angle, is_in_decibels, parse_header, refuse_decibels
+from damping.formats.headers import (
+    NAMES,
+    PHASES,
+    ColumnHeader,
+    describe_angle,
+    is_in_decibels,
+    parse_header,
+    refuse_decibels,
+)
 from damping.formats.quantity import find_powers
 from damping.formats.roles import find_stated, recognise
 from damping.formats.sampling import split
+from damping.formats.series import Samples
 from damping.records.keys import OPTIONAL_COLUMNS
 from damping.records.text import describe_shortened
 
@@ -102,6 +113,20 @@ def group_columns(
         expected = "names as tip [mm] and tip phase [deg], or tip re and tip im; --correct FILE.toml: role = 'out'"
         raise InputError(f"which column belongs to {describe_shortened(headers[lonely].text)!r}?", expected=expected)
     return [SensorColumns(part.name, k, roles[k]) for k, part in mains.items()]
+
+
+def find_largest_angles(
+    readings: Sequence[SensorColumns], headers: Sequence[ColumnHeader], values: Mapping[int, Samples]
+) -> dict[str, float]:
+    """Largest phase by the unit of angle in its header, '' if none.
+
+    A table has one unit: a drive, or a sensor that follows the base, turns by too few degrees to tell them from rad.
+    """
+    largest: dict[str, float] = {}
+    for place in (place for reading in readings for role, place in reading.roles.items() if role in PHASES):
+        known, stated = np.abs(values[place][np.isfinite(values[place])]), headers[place].angle
+        largest[stated] = max(largest.get(stated, 0.0), float(np.max(known, initial=0.0)))
+    return largest
 
 
 def describe_array(name: str, unit: str) -> ColumnHeader:

@@ -37,6 +37,7 @@ class FileFacts:
     turn: bool = False  #: whether only the turn of the phase shows if it leads or lags
     units: Mapping[str, str] = field(default_factory=dict)  #: texts by quantity (``named.UNIT_OF``)
     angles: Mapping[str, str] = field(default_factory=dict)  #: ``degrees`` or ``radians`` by role, from headers
+    largest_angle: float = 0.0  #: of all columns whose headers state the same unit of angle, or none, as the phase's
     remarks: tuple[str, ...] = ()  #: that may name the excitation: ID lines, lines above a table, headers
 
 
@@ -181,7 +182,7 @@ def convert_angles(arrays: Mapping[str, Samples], facts: FileFacts, summary: Sum
             del turned[role]
             summary.note(f"the {role} holds no number: no phases are taken")
             continue
-        of_phase = _find_unit(role, values, facts.angles.get(role, ""))
+        of_phase = _find_unit(role, values, facts.angles.get(role, ""), facts.largest_angle)
         if of_phase == "degrees" and not role.endswith("_deg"):
             turned[role] = values * (pi / 180.0)
         if role == "angle":
@@ -209,10 +210,13 @@ def _subtract_force_angle(turned: dict[str, Samples], unit: str, summary: Summar
     summary.note("the phase of the force is subtracted from that of the response")
 
 
-def _find_unit(role: str, values: Samples, stated: str) -> str:
-    """``degrees`` or ``rad``; ``stated``: by the header. InputError if its size or turn contradicts the unit."""
+def _find_unit(role: str, values: Samples, stated: str, largest: float) -> str:
+    """``degrees`` or ``rad``; ``stated``: by the header; ``largest``: of all phases whose unit is this one's.
+
+    InputError: size or turn contradict the unit.
+    """
     known = values[np.isfinite(values)]
-    size = float(np.max(np.abs(known)))
+    size = max(float(np.max(np.abs(known))), largest)
     large = size > 2.0 * pi
     degrees = stated == "degrees" or role.endswith("_deg")
     if (role in ("phase", "lead") or stated == "radians") and large and not degrees:
