@@ -186,7 +186,7 @@ def open_folder(folder: Path) -> Folder:
         parts = PurePosixPath(name)
         if parts.is_absolute() or ".." in parts.parts or "\\" in name or "\0" in name or not parts.parts:
             raise InputError(f"{name!r} is outside the folder", file=path, expected="names relative to it")
-        if any((folder / parent).is_symlink() for parent in parts.parents):
+        if any((folder / parent).is_symlink() for parent in parts.parents[:-1]):  # the folder itself may be one
             raise InputError(f"{name!r} is behind a link", file=path, expected="files in the folder itself")
     return Folder(folder, manifest)
 

@@ -102,6 +102,19 @@ def test_peaks_beside_a_sweep_without_phases_stay_at_resonance(lab, honest):
     assert [sorted(set(rows.resonant[run].tolist())) for run in rows.runs] == [[True], [True], [False]]
 
 
+def test_sweeps_are_numbered_as_they_began_whatever_the_order_of_the_file(lab, honest):
+    """A file sorted otherwise tells the same where it has times; without times its order is what is known."""
+    table = honest().table
+    timed = table.assign(time=10.0 * np.arange(len(table)))
+    for turned in (timed.iloc[::-1], timed.sample(frac=1.0, random_state=2)):
+        one, other = (read_rows(Record(rows, "a record"), lab.mode()) for rows in (timed, turned))
+        assert other.sweeps == one.sweeps == ("A", "B", "C")
+        for name in ("label", "time", "u", "phase", "omega", "F", "up", "levels"):
+            # the same numbers in the same order, to the bit
+            np.testing.assert_array_equal(getattr(other, name), getattr(one, name), err_msg=name)
+    assert read_rows(Record(table.iloc[::-1], "a record"), lab.mode()).sweeps == ("C", "B", "A")
+
+
 def test_rows_with_a_phase_all_at_the_simulated_frequency(lab, honest):
     """One row a level, all at one frequency, as a tuned test gives them: no band, and an answer all the same."""
     at = honest({"levels": 4, "points": 21}, keep=highest)

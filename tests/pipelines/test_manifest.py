@@ -151,6 +151,14 @@ def test_links_are_not_followed(tmp_path):
         verify(folder)
 
 
+def test_the_folder_itself_may_be_a_link(tmp_path):
+    """As to a scratch disk: a run writes there, and what it wrote can be read."""
+    (tmp_path / "scratch").mkdir()
+    (tmp_path / "results").symlink_to(tmp_path / "scratch")
+    put(tmp_path / "results", OLD)
+    assert sorted(verify(tmp_path / "results").manifest.outputs) == sorted(OLD)
+
+
 def test_one_run_at_a_time(tmp_path):
     with sole_writer(tmp_path), pytest.raises(InputError, match="another run is writing here"):  # noqa: SIM117 - held by the first
         with sole_writer(tmp_path):

@@ -219,6 +219,25 @@ def test_weights_do_not_depend_on_the_order_of_rows_or_on_rounding(swept):
     np.testing.assert_allclose(weights[1:], [weights[0]] * 2, atol=1e-6)
 
 
+@pytest.mark.parametrize("stated", [False, True])
+def test_draws_do_not_depend_on_units_or_on_the_order_of_rows(stated):
+    """Uncertainties too: those of coarse sweeps without phases follow from a curve, stated ones from a ratio."""
+    rng, f, sweeps = np.random.default_rng(1), np.linspace(0.95, 1.05, 5), []
+    for label, F in zip("ABCD", (1.0, 2.0, 3.3, 5.1), strict=True):
+        A = F / np.abs(1.0 - f**2 + 0.05j * f) * np.exp(0.01 * rng.standard_normal(5))
+        sweeps.append(pd.DataFrame({"sweep": label, "force": F, "frequency": f, "amplitude": A}))
+    table = pd.concat(sweeps, ignore_index=True)
+    if stated:
+        table = table.assign(amplitude_sd=0.013 * table["amplitude"], force_sd=0.007 * table["force"])
+    other = table.sample(frac=1.0, random_state=3)
+    for name in other.columns[other.columns.str.startswith(("force", "amplitude"))]:
+        other[name] *= 3.7e-3 if name.startswith("force") else 39.37
+    here, there = (observe(Record(one)).sampled for one in (table, other))
+    for name in ("A", "D", "R", "omega", "sd_amplitude", "sd_force", "tested_amplitude", "tested_force"):
+        # bit by bit: draws part where the last bit does
+        np.testing.assert_array_equal(getattr(here, name), getattr(there, name), err_msg=name)
+
+
 def test_three_peaks_weigh_laws_alike_in_any_order(saturn, whole):
     """Laws that pass through every point leave rounding, and which shape they are found at must not hang on it."""
     data = saturn("config-2-mode-1").take_sweeps(np.array([2, 1, 0]))

@@ -11,7 +11,7 @@ import pytest
 from audit_cases import LAWS, Bench, at_one_amplitude, clean, dropped_out, measured, record_of
 
 from damping.records import audit
-from damping.records.check_ceiling import check_ceiling, find_ceiling
+from damping.records.check_ceiling import DIGITS, check_ceiling, count_digits, find_ceiling
 from damping.records.view import View
 
 BENCH = Bench(levels=3, rows=41, noise=0.005, span=(-6.0, 6.0))
@@ -80,6 +80,18 @@ def test_a_response_per_force_with_few_digits_has_no_ceiling(digits):
     assert find_ceiling(H, F, per_force=True) is None
     found = find_ceiling(np.minimum(H * F, 0.2) / F, F, per_force=True)
     assert found == pytest.approx(0.2)
+
+
+def test_readings_of_few_digits_have_them_in_another_unit():
+    """Of all readings of three digits in mm a quarter differ from decimals in m, by a last bit."""
+    A = np.arange(1, 1000) / 100.0
+    assert any(a * 1e-3 != float(f"{a * 1e-3:.2e}") for a in A.tolist())
+    assert count_digits(A) == count_digits(A * 1e-3) == 3
+    # a value that differs in its seventh digit is no decimal of three
+    assert count_digits(A * (1.0 + 1e-7)) == DIGITS
+    f = np.linspace(19.0, 21.0, 121)
+    q = np.round(1.0 / np.abs(1.0 - (f / 20.0) ** 2 + 0.1j * (f / 20.0)), 1)
+    assert find_ceiling(q * 1e-3, np.ones(len(f))) is None
 
 
 #: Every law on a straight spring, and two on one that bends to either side; ``make slow``: every law on every spring.

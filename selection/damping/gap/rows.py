@@ -131,7 +131,7 @@ class PhasorRows(SweepRows):
 
 
 def read_rows(record: Record, mode: Mode) -> PhasorRows:
-    """The rows of a record, with the standard uncertainties that it states."""
+    """The rows of a record, with the standard uncertainties that it states; sweeps in the order in which they began."""
     measured, n = read_sweep_rows(record), len(record)
 
     def phasor(channel: str) -> ComplexArray:
@@ -150,7 +150,7 @@ def read_rows(record: Record, mode: Mode) -> PhasorRows:
         mass=record.masses(mode.mass) / mode.mass,
         resonant=(np.bincount(measured.sweep)[measured.sweep] == 1) & (not record.has_phase),
         time=order_taken(record),
-        label=np.asarray(1.0 + measured.sweep, float),
+        label=np.zeros(n),
         up=find_direction(record),
         rate=RAD_S_PER_HZ * list_rates(record, mode.rig.rate),
         added=record.added_masses,
@@ -165,7 +165,9 @@ def read_rows(record: Record, mode: Mode) -> PhasorRows:
         has_phase=record.has_phase,
         channels=tuple(name for name, phasor in (("third", third), ("cross", cross)) if np.isfinite(phasor).any()),
     )
-    return rows.take_rows(np.lexsort((rows.omega, rows.sweep)))
+    rows = rows.take_rows(np.lexsort((rows.omega, rows.sweep)))
+    rows = rows.take_sweeps(np.argsort([float(rows.time[run].min()) for run in rows.runs], kind="stable"))
+    return replace(rows, label=np.asarray(1.0 + rows.sweep, float))
 
 
 def is_same_structure(mode: Mode, first: Mode) -> bool:

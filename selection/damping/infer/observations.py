@@ -124,6 +124,8 @@ class Observations(SweepRows):
             omega=round_bits(self.omega / omega, bits),
             D=round_bits(self.D / force, bits),
             R=np.round(self.R / force * 2.0**bits) / 2.0**bits,  # near 0, where few of its digits are known
+            sd_amplitude=round_bits(self.sd_amplitude, bits),
+            sd_force=round_bits(self.sd_force, bits),
             tested_amplitude=round_bits(self.tested_amplitude / amplitude, bits),
             tested_omega=round_bits(self.tested_omega / omega, bits),
             tested_force=round_bits(self.tested_force / force, bits),

@@ -10,7 +10,8 @@ of a decay, whose later peaks pass the value before.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from math import log
+from functools import partial
+from math import isclose, log
 
 import numpy as np
 
@@ -121,6 +122,7 @@ FEWEST_FLAT = 4  #: fewest rows of a flat top; a table with few digits can have 
 STEEPEST = 10.0
 STEADY = 0.05  #: a force that varies by more, relative, belongs to a sweep with controlled response
 DIGITS = 6  #: a table of this many digits or more is rounded to less than any noise
+ROUNDED = 1e-12  #: relative difference of readings that arithmetic leaves: some 1e-16 for each change of unit
 LAST_DIGIT = 10.0 ** (1 - DIGITS)  #: amplitudes of complex values of that many digits agree to this
 SMOOTH = 1.5  #: a top is round if rows within four times a distance below it exceed those within it by this: parabola 2
 AS_LINEAR = 0.1  #: largest misfit of the wings by a parabola, and its largest shortfall at the top: a mode, not a stop
@@ -177,8 +179,9 @@ def find_resolution(A: FloatArray) -> float:
 
 
 def count_digits(A: FloatArray) -> int:
-    """Digits that represent all readings, at most ``DIGITS``."""
-    return next((n for n in range(1, DIGITS) if all(float(f"{a:.{n - 1}e}") == a for a in A.tolist())), DIGITS)
+    """Digits that represent all readings (n,), at most ``DIGITS``; 1.23 mm times .001 is 0.00123 but for rounding."""
+    written = ((n, (float(f"{a:.{n - 1}e}") for a in A.tolist())) for n in range(1, DIGITS))
+    return next((n for n, short in written if all(map(partial(isclose, rel_tol=ROUNDED), short, A.tolist()))), DIGITS)
 
 
 def _report_flat_tops(flat: list[Run]) -> Finding:
