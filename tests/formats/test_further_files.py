@@ -232,6 +232,17 @@ def test_an_attribute_that_is_no_number_says_nothing_about_sampling(tmp_path, va
     np.testing.assert_allclose(one.t, T, rtol=1e-12)
 
 
+def test_the_only_motion_beside_the_time_is_the_response(tmp_path):
+    path = tmp_path / "a.csv"
+    np.savetxt(path, np.column_stack([T, 1e3 * X]), delimiter=",", header="time [s],sig [mm/s]", comments="")
+    (one,) = histories(path)
+    assert one.order == 1
+    np.testing.assert_allclose(one.signal, X, rtol=1e-12)
+    np.savetxt(path, np.column_stack([T, T, T]), delimiter=",", header="time [s],a [mm/s],b [mm/s]", comments="")
+    with pytest.raises(InputError, match="which column is the response"):
+        histories(path)
+
+
 def test_tdms_channels_without_a_time_step(truth, tmp_path, imported):
     path = tmp_path / "a.tdms"
     columns = {"Frequency": ("Hz", truth.f), "Disp": ("mm", 1e3 * truth.amplitude), "Force": ("N", 0 * truth.f + 3.0)}

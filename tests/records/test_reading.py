@@ -104,6 +104,10 @@ REFUSED = {
         HEAD.encode() + ROW.encode() + b"A,1,\0,1,1\n",
         ", line 3: a NUL byte at byte 5 of the line is not UTF-8 text; expected text in UTF-8",
     ),
+    "gzip": (
+        b"\x1f\x8b\x08\0" + bytes(range(256)),
+        ", line 1: is compressed; expected the file itself, as gunzip unpacks it",
+    ),
     "workbook": (
         b"PK\3\4\x14\0\6\0\10\0\0\0!\0" + bytes(range(256)),
         ", line 1: is no text; expected text, CSV or TOML (damping import and campaign read XLSX, MAT, HDF5, TDMS and "

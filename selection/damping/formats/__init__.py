@@ -268,7 +268,7 @@ def find_format(path: str | Path, stated: Stated, summary: Summary) -> str:
     text = detect_format(path)
     text = "mat73" if (stated.format, text) == ("mat", "hdf5") else text
     if stated.format == "auto" and text == "csv" and is_binary(read_start(path, _LOOKED_AT)):
-        expected = "a file of one of these, WAV or XLSX (save MAT of version 4 again with -v7, XLS as XLSX)"
+        expected = "a file of one of these, WAV or XLSX, unpacked (save MAT of version 4 again with -v7, XLS as XLSX)"
         raise InputError("neither UFF, MAT 5 to 7.3, HDF5, TDMS, LVM nor text", expected=expected)
     if stated.format == "mat" and text not in ("mat5", "mat73"):
         raise InputError("not a MAT file", expected="a MAT file of version 5 to 7.3")

@@ -112,12 +112,14 @@ def _find_parts(headers: Sequence[ColumnHeader], names: Sequence[str], found: Pl
 
 
 def _find_only_motion(headers: Sequence[ColumnHeader], names: Sequence[str], found: Places) -> Places:
-    """The only column in a unit of motion, beside an angle or in a ratio to force."""
-    if ABSCISSA.isdisjoint(found) or _is_history(found) or "amplitude" in found:
+    """The only column in a unit of motion: beside an angle, in a ratio to force, or the only one beside the time."""
+    if ABSCISSA.isdisjoint(found) or "amplitude" in found:
         return {}
     free = [k for k in range(len(headers)) if k not in found.values() and names[k] not in OPTIONAL_COLUMNS]
     free = [k for k in free if set(WORDS.split(names[k])).isdisjoint(NAMES["part"]["neither"])]
     motions = [k for k in free if headers[k].unit and (find_powers(headers[k].unit) or (0, 0, 0))[1:] in _OF_MOTIONS]
+    if _is_history(found):
+        return {"response": motions[0]} if found.keys() == {"time"} and motions == free and len(free) == 1 else {}
     is_ratio = len(motions) == 1 and (find_powers(headers[motions[0]].unit) or (0, 0, 0))[0] == -1
     has_phase = any(header.angle for header in headers)
     return {"amplitude": motions[0]} if len(motions) == 1 and (is_ratio or has_phase) else {}

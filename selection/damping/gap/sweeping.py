@@ -128,7 +128,8 @@ def _tabulate_table(label: str, level: float, hertz: FloatArray, rows: list[tupl
     for f, (amplitude, _) in zip(hertz, rows, strict=True):
         if not (math.isfinite(amplitude) and amplitude > 0.0):
             raise AnalysisError(
-                f"no steady motion at force {level:g} and {f:g} Hz: friction holds the mass, or no damping limits it"
+                f"no steady motion at force {level:g} and {f:g} Hz: friction holds the mass, or no force "
+                "in [damping] limits its motion"
             )
     columns = [[label] * len(rows), [level] * len(rows), hertz, *zip(*rows, strict=True)]
     return pd.DataFrame(dict(zip(_COLUMNS, columns, strict=True))).astype({"sweep": object})  # as a record has it

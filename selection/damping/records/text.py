@@ -25,6 +25,7 @@ _LINE = re.compile(r"[^\r\n]*(?:\r\n?|\n)|[^\r\n]+")
 _LOOKED_AT = 2100  # first bytes of a file, by which it is text or not
 _TOGETHER = 65_536  # bytes decoded together, extended to the end of the line
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_GZIP = b"\x1f\x8b"  #: first bytes of a file compressed by gzip
 _CONTROLS = bytes(set(range(32)) - set(b"\t\n\v\f\r"))  # control characters that text does not contain
 _OPEN_QUOTE = "unexpected end of data"  # message of the csv module on a file that ends in an open quote
 
@@ -87,6 +88,8 @@ def decode(data: bytes) -> tuple[str, InputError | None]:
         bad = error.start
     if bad == len(data):
         return text, None
+    if data.startswith(_GZIP):
+        return "", InputError("is compressed", expected="the file itself, as gunzip unpacks it")
     if is_binary(data[:_LOOKED_AT]):  # a workbook, an archive, measured samples
         expected = "text, CSV or TOML (damping import and campaign read XLSX, MAT, HDF5, TDMS and UFF files)"
         return "", InputError("is no text", expected=expected)
