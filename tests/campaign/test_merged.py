@@ -28,6 +28,15 @@ def write(path, hertz):
     return write_force_runs(path, F, LEVELS, lambda force: force * move(F, hertz), seed=4)
 
 
+def test_a_low_peak_alone_is_no_mode():
+    """Two broad modes of one sensor make one low peak between them, and no shape that it could differ from."""
+    f = np.geomspace(17.0, 40.0, 500)
+    w, H = 2.0 * np.pi * f, np.zeros((1, len(f)), complex)
+    for hertz, ratio in ((25.0, 0.2), (30.0, 0.3)):
+        H += 0.5 * w**2 / ((2.0 * np.pi * hertz) ** 2 - w**2 + 4.0j * np.pi * ratio * hertz * w)
+    assert find_peaks_of(f, H, -1.0) == []
+
+
 @pytest.mark.parametrize(("apart", "peaks"), [(0.02, 1), (0.06, 2), pytest.param(0.035, 1, marks=pytest.mark.slow)])
 def test_two_modes_in_one_peak_or_two_are_told_apart(tmp_path, few_laws, apart, peaks):
     """Answered as one mode, its peaks at four times the top level were up to 50 % off, outside their bands."""

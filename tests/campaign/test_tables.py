@@ -683,6 +683,25 @@ def test_a_sensor_that_hardly_turns_has_the_unit_of_the_others(tmp_path, text):
     np.testing.assert_allclose(run.drive, 2.0 * np.exp(-1j * np.radians(turn)), rtol=1e-9)
 
 
+def test_a_sensor_that_resonates_tells_its_own_unit_of_angle(tmp_path):
+    """Its phase turns through a resonance, in rad, whatever the others have; and a dead sensor tells nothing."""
+    content = table(2.0, "{} phase [deg]")
+    content["tip phase [deg]"] = np.radians(content["tip phase [deg]"])
+    with pytest.raises(InputError, match="angle in degrees runs from"):
+        read_runs([write_csv(tmp_path / "a.csv", content)], SIZE)
+    for dead in (False, True):
+        content = table(2.0, "{} phase")
+        content["tip phase"] = np.radians(content["tip phase"])
+        if dead:
+            for name in ("mid", "root"):
+                content[f"{name} phase"] = np.radians(content[f"{name} phase"])
+            content["foot [mm]"], content["foot phase"] = 0.0, np.linspace(-150.0, 150.0, len(F))
+        (run,), _ = read_runs([write_csv(tmp_path / "a.csv", content)], SIZE)
+        of = dict(zip(run.names, run.channels, strict=True))
+        for name, truth in zip(NAMES, TRUTH[2.0], strict=True):
+            np.testing.assert_allclose(of[name].samples, truth, rtol=1e-9)
+
+
 def test_amplitudes_in_groups_of_hdf5_share_a_frequency(tmp_path):
     """Real arrays with phases in rad, the frequency at the top of the file, a force for each group."""
     contents = {"freq": F}

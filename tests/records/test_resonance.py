@@ -245,9 +245,39 @@ def test_a_row_read_during_a_jump_is_no_resonance(every, amplitude, lag, said):
         np.r_[phase[branch], lag, low_phase],
     )
     swept = record(1.5, *rows)
-    # the last rows before the jump are at sin(phase) = 0.99 and more
-    assert resonance(swept, "A").amplitude == pytest.approx(LINEAR_PEAK, rel=0.01)
+    found = resonance(swept, "A")
+    assert found.amplitude == pytest.approx(LINEAR_PEAK, rel=0.01)  # the last rows before the jump: sin(phase) > 0.99
+    assert found.row < len(f[branch])
     assert said == ("outlier" in {finding.check for finding in audit(swept).findings})
+
+
+@pytest.mark.parametrize("power", [0.2, 2.0, 3.0])
+def test_a_coarse_sweep_of_damping_far_from_viscous(power):
+    """Steps of 2.2 half-widths, one row near resonance: beside it D = 1.5 (A/top)^p has another 1/Im Z altogether."""
+    K, frequency = M * OMEGA_N**2, OMEGA_N / (2 * pi) + HALF_WIDTH * np.array([-4.3, -2.1, 0.1, 2.3, 4.5])
+    spring = K - M * (2 * pi * frequency) ** 2
+
+    def excess(A, k):
+        return (spring * A)[k] ** 2 + (1.5 * (A[k] / LINEAR_PEAK) ** power) ** 2 - 1.5**2
+
+    low, high = np.zeros(5), np.full(5, LINEAR_PEAK)
+    for _ in range(60):  # bisections
+        A = 0.5 * (low + high)
+        above = np.array([excess(A, k) > 0.0 for k in range(5)])
+        low, high = np.where(above, low, A), np.where(above, A, high)
+    phase = np.arctan2(1.5 * (A / LINEAR_PEAK) ** power, spring * A)
+    found = resonance(record(1.5, frequency, A, phase), "A")
+    assert found.amplitude == pytest.approx(LINEAR_PEAK, rel=0.03)  # as for a row at |cot| < 0.25
+    assert found.frequency == pytest.approx(OMEGA_N / (2 * pi), abs=0.05 * HALF_WIDTH)  # Re Z is nearly linear
+
+
+def test_an_antiresonance_is_no_row_in_transition():
+    """A mode of unit mass and frequency with an absorber of a hundredth: a trough with the phase of a resonance."""
+    w = np.linspace(0.8, 1.2, 61) + 0.2 * 0.4 / 61
+    share, joint = 0.01, 0.01 * (1.0 + 0.004j * w)
+    Z = 1.0 - w**2 + 0.01j * w + joint - joint**2 / (joint - share * w**2)
+    swept = record(1.0, 10.0 * w, 1.0 / np.abs(Z), np.angle(Z))
+    assert "outlier" not in {finding.check for finding in audit(swept).findings}
 
 
 @pytest.mark.parametrize("cubic", [-2e6, 2e6])

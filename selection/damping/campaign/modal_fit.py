@@ -26,12 +26,13 @@ from damping.campaign.projection import Projection, project, solve_residues, sta
 from damping.campaign.runs import CampaignRun
 
 PROMINENCE = 1.0  #: least height of a peak of the indicator above its saddles, in ln of power: a factor e
-#: The same of a peak of another shape with ``PROMINENCE`` in quadrature with the drive, where the flanks of other modes
-#: add nothing. Chosen on 300 random campaigns (one to six modes, 1 to 30 sensors, noise to 6 %); of 1053 modes of 300
-#: others 857 have a peak, 777 without this, and no peak is false.
+#: The same of a low peak whose shape differs from those of the high peaks and which has, within ``MOVED``, a peak of
+#: height ``PROMINENCE`` in quadrature with the drive, where the flanks of other modes add little. Chosen on 300 random
+#: campaigns (one to six modes, 1 to 30 sensors, noise to 6 %); of 1053 modes of 300 others 857 have a peak, 777 without
+#: this, and no peak is false.
 IN_QUADRATURE = 0.35
 #: Largest square of the cosine between two shapes that differ: the ringing of a mode has its shape. In 100 sweeps at up
-#: to 8 octaves per minute this adds one peak of ringing to 129; any shape at 0.5 in place of 0.35 would add 66.
+#: to 8 octaves per minute low peaks add one of ringing to 129; those of any shape, from a height of 0.5, would add 66.
 OTHER_SHAPE = 0.8
 LEAST_T = 8.0  #: least residue of a mode at one sensor, in standard errors
 SMALLEST_RATIO = 1e-5  #: least damping ratio of a mode
@@ -88,7 +89,8 @@ class Level:
 
 
 def find_peaks_of(f: FloatArray, H: ComplexArray, sign: float = 1.0) -> list[float]:
-    """Frequencies of the peaks of sum |H_s - H_s(low)|^2 over the sensors, above the noise.
+    """Frequencies of the peaks of sum |H_s - H_s(low)|^2 over the sensors, above the noise: high ones, and low ones of
+    another shape.
 
     H_s(low) is the motion of the base, at most 1 in size: larger first rows are the flank of a mode. Under a force
     (``sign`` -1) it is taken as 0. The noise is estimated from second differences, which are small for a smooth curve.
@@ -105,7 +107,8 @@ def find_peaks_of(f: FloatArray, H: ComplexArray, sign: float = 1.0) -> list[flo
     is_mode = found["prominences"] >= PROMINENCE
     beside = np.any(np.abs(f[turns][:, np.newaxis] / f[places] - 1.0) < MOVED, axis=0)
     shapes = moved.imag[:, places] / np.linalg.norm(moved.imag[:, places], axis=0).clip(min=1e-300)
-    is_mode |= beside & np.all((shapes[:, is_mode].T @ shapes) ** 2 < OTHER_SHAPE, axis=0)
+    is_other = np.all((shapes[:, is_mode].T @ shapes) ** 2 < OTHER_SHAPE, axis=0)
+    is_mode |= beside & is_other & is_mode.any()  # a shape is another beside that of a high peak only
     return [float(f[k]) for k in places[is_mode] if 2 <= k < len(f) - 2]
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -21,11 +20,10 @@ from damping.campaign.tracked import Source
 from damping.errors import InputError
 from damping.formats.conversion import SCALINGS
 from damping.formats.excitation import note_excitation
-from damping.formats.headers import PHASES
 from damping.formats.levels import find_level
 from damping.formats.named import read_facts, require_linear, to_series
 from damping.formats.quantity import find_powers, unit
-from damping.formats.sensors import SensorColumns, find_largest_angles, group_columns
+from damping.formats.sensors import SensorColumns, find_largest_angle, group_columns
 from damping.formats.series import Samples, Series, require_finite
 from damping.formats.steady import FOLLOWS, measure_turn
 from damping.formats.sweeps import join_refined
@@ -60,15 +58,10 @@ class _Content:
         headers = {role: self.table.headers[place] for role, place in roles.items()}
         require_linear(headers)
         arrays = {role: self.values[place] for role, place in roles.items()}
-        stated = [headers[role].angle for role in reading.roles if role in PHASES]
-        largest = max((self.largest_angles[text] for text in stated), default=0.0)
+        largest = find_largest_angle(reading, drive, [*self.drives, *self.sensors], self.table.headers, self.values)
         facts = replace(read_facts(headers, self.source.facts), largest_angle=largest)
         with np.errstate(all="ignore"):  # rows without finite numbers are left out
             return to_series(arrays, self.labels, facts, self.table.label, self.source.summary, peak=True)
-
-    @cached_property
-    def largest_angles(self) -> dict[str, float]:  # as of the function
-        return find_largest_angles([*self.drives, *self.sensors], self.table.headers, self.values)
 
     def find_unit(self, reading: SensorColumns, what: str, usual: str = "") -> str:
         """Unit of a reading: as stated, else in its header, else the ``usual`` one. InputError: it has none."""

@@ -29,6 +29,9 @@ from damping.records.text import describe_shortened
 
 #: Roles that a table has once; ``force`` is the drive.
 SETTING = ("sweep", "frequency", "omega", "force", "sweep_rate")
+FOLLOWING = 2.0  #: factor within which the motion of a sensor stays, per drive, if it follows the base
+#: Largest phase above which a table is in degrees: four turns in rad, more than a phase unwrapped over some modes.
+UNWRAPPED = 8.0 * np.pi
 _PARTS: dict[str, list[str]] = NAMES["part"]
 _PHASES = ("angle", "lag", "lead")
 _WORD = re.compile(r"[^\W_]+")
@@ -115,18 +118,32 @@ def group_columns(
     return [SensorColumns(part.name, k, roles[k]) for k, part in mains.items()]
 
 
-def find_largest_angles(
-    readings: Sequence[SensorColumns], headers: Sequence[ColumnHeader], values: Mapping[int, Samples]
-) -> dict[str, float]:
-    """Largest phase by the unit of angle in its header, '' if none.
+def find_largest_angle(
+    reading: SensorColumns,
+    drive: SensorColumns | None,
+    table: Sequence[SensorColumns],
+    headers: Sequence[ColumnHeader],
+    values: Mapping[int, Samples],
+) -> float:
+    """Largest phase in a ``table`` of those whose headers state the unit of the reading's, or none as it; else 0.
 
-    A table has one unit: a drive, or a sensor that follows the base, turns by too few degrees to tell them from rad.
+    A table has one unit of angle. That of a ``reading`` which follows the ``drive``, or is one, is told by the others:
+    it turns by too few degrees to tell them from rad. 0 where the reading resonates and so tells its own.
     """
-    largest: dict[str, float] = {}
-    for place in (place for reading in readings for role, place in reading.roles.items() if role in PHASES):
-        known, stated = np.abs(values[place][np.isfinite(values[place])]), headers[place].angle
-        largest[stated] = max(largest.get(stated, 0.0), float(np.max(known, initial=0.0)))
-    return largest
+    own = [headers[place].angle for role, place in reading.roles.items() if role in PHASES]
+    size = np.abs(values[reading.main])
+    per_drive = size if drive is None else size / np.abs(values[drive.main])
+    per_drive = per_drive[np.isfinite(per_drive) & (size > 0.0)]
+    if not own or not len(per_drive) or np.max(per_drive) > FOLLOWING * np.min(per_drive):
+        return 0.0
+    places = [
+        place
+        for other in table
+        for role, place in other.roles.items()
+        if role in PHASES and headers[place].angle in own and np.any(values[other.main])
+    ]
+    largest = max(float(np.max(np.abs(x[np.isfinite(x)]), initial=0.0)) for x in (values[place] for place in places))
+    return largest if largest > UNWRAPPED else 0.0
 
 
 def describe_array(name: str, unit: str) -> ColumnHeader:

@@ -37,7 +37,7 @@ class FileFacts:
     turn: bool = False  #: whether only the turn of the phase shows if it leads or lags
     units: Mapping[str, str] = field(default_factory=dict)  #: texts by quantity (``named.UNIT_OF``)
     angles: Mapping[str, str] = field(default_factory=dict)  #: ``degrees`` or ``radians`` by role, from headers
-    largest_angle: float = 0.0  #: of all columns whose headers state the same unit of angle, or none, as the phase's
+    largest_angle: float = 0.0  #: of all phases of the table, where the unit of this one is told by them; else 0
     remarks: tuple[str, ...] = ()  #: that may name the excitation: ID lines, lines above a table, headers
 
 
@@ -211,7 +211,7 @@ def _subtract_force_angle(turned: dict[str, Samples], unit: str, summary: Summar
 
 
 def _find_unit(role: str, values: Samples, stated: str, largest: float) -> str:
-    """``degrees`` or ``rad``; ``stated``: by the header; ``largest``: of all phases whose unit is this one's.
+    """``degrees`` or ``rad``; ``stated``: by the header; ``largest``: of all phases that tell the unit of this one.
 
     InputError: size or turn contradict the unit.
     """

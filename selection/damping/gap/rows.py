@@ -165,7 +165,7 @@ def read_rows(record: Record, mode: Mode) -> PhasorRows:
         has_phase=record.has_phase,
         channels=tuple(name for name, phasor in (("third", third), ("cross", cross)) if np.isfinite(phasor).any()),
     )
-    rows = rows.take_rows(np.lexsort((rows.omega, rows.sweep)))
+    rows = rows.take_rows(np.lexsort((rows.time, rows.omega, rows.sweep)))
     rows = rows.take_sweeps(np.argsort([float(rows.time[run].min()) for run in rows.runs], kind="stable"))
     return replace(rows, label=np.asarray(1.0 + rows.sweep, float))
 

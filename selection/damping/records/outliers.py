@@ -5,7 +5,7 @@ Each rule judges the runs as recorded, whatever the others find; an outlier is w
 2. `_list_off_line`: with phases also a smaller step, of amplitude or phase alone, where the rows beside it move evenly;
 3. `find_transitions`: a row on neither branch of a jump;
 4. `find_misplaced_rows`: a frequency that alone breaks the order of its sweep, of a response that does not.
-None is found where it may be a resonance, a jump, or another branch (many rows by 1, or by 2).
+None is found where it may be a resonance, an antiresonance, or another branch (many rows by one rule).
 """
 
 from math import log
@@ -66,8 +66,17 @@ def _list_off_line(run: Run) -> list[int]:
     return [k for k, missed in beside.items() if np.abs(missed).max() < BESIDE_OFF_LINE * off[:, k - 1].max()]
 
 
+#: A row in transition is within this factor, in A/F, of the lower of its neighbours; at an antiresonance it is below.
+LOWER_BRANCH = 1.5
+
+
 def _list_in_transition(run: Run) -> list[int]:
-    return [] if run.phase is None else np.flatnonzero(find_transitions(run.F, run.A, run.phase)).tolist()
+    """Positions in the run of rows on the lower branch of a jump whose phase has not settled."""
+    if run.phase is None:
+        return []
+    places = np.flatnonzero(find_transitions(run.F, run.A, run.phase)).tolist()
+    g = run.compliance
+    return [k for k in places if min(g[k - 1], g[k + 1]) - g[k] < log(LOWER_BRANCH)]
 
 
 #: Largest difference of a low row's neighbours, ln A/F, over its fall below them: at a jump they differ by as much.

@@ -136,10 +136,10 @@ def _doubt_first_order(raw: pd.DataFrame, description: Description, steps: tuple
 
 
 def _doubt_branch(description: Description, steps: tuple[ConditioningStep, ...]) -> list[str]:
-    """Rows at which the root on the other side of the largest energy loss agrees with the others, and the chosen not.
+    """A caution where another root is nearer to the median of the roots taken than the one taken there.
 
-    "low" and "high" take the same side at every row, but one damping factor lies on either side: on the high side near
-    resonance, on the low side away from it.
+    "low" and "high" take the same side of the largest energy loss at every row, but a damping factor lies on either
+    side: on the high side near resonance, on the low side away from it.
     """
     step = next((step for step in steps if step.name == "principal planes"), None)
     if step is None or description.principal is None or description.principal.branch == "near":
@@ -149,9 +149,9 @@ def _doubt_branch(description: Description, steps: tuple[ConditioningStep, ...])
     other = np.sum(nearer != xi)
     if not other:
         return []
-    rows, median = f"{other} of {len(xi)} rows", f"{np.median(xi):.3g}"
-    chosen = f"the {description.principal.branch} root is not the one nearest to the median, xi = {median}"
-    return [f'in {rows} {chosen}: branch = "near" with the xi of the mode takes either side']
+    taken = f"the {description.principal.branch} roots run from xi = {xi.min():.3g} to {xi.max():.3g}"
+    nearest = f"in {other} of {len(xi)} rows another root is nearer to their median"
+    return [f'{taken}, and {nearest}: branch = "near" with the xi of the mode takes either side']
 
 
 #: Notation of keys with several values.
