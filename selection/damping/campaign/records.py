@@ -192,7 +192,7 @@ def describe_lost(levels: Sequence[Level], modes: Sequence[DrivenMode], asked: S
         showing = np.any(clear, axis=0)
         what = f"the mode near {near[k]:.4g} Hz is left out, because"
         if np.any(showing & usable):
-            places = (f"{level.fit.frequency[k]:.4g} Hz at {level.run.level:g} {unit}".rstrip() for level in levels)
+            places = (f"{level.fit.frequency[k]:.4g} Hz at {level.run.level:.4g} {unit}".rstrip() for level in levels)
             what += f" its levels do not agree ({', '.join(places)})"
             lost.append(f"{what}: a level in which it moved away or is hidden needs its own campaign")
         elif showing.any():
