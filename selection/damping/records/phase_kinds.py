@@ -16,8 +16,8 @@ SMOOTH = 0.75  #: mean cosine of the steps of phase from row to row below which 
 MOST_RADIANS = 6.0 * pi  #: largest range of a phase over a few modes; phases in degrees pass 180
 CERTAIN = 4.0  #: standard errors from 0 beyond which the sign of a mean sine of the phase is certain
 #: Least |sine| of the phase at the row of largest A/F from which that sign is certain too, if the sines of all rows
-#: have it: no noise turns a phase so far. With it and ``CERTAIN_BESIDE`` 3 of 2203 sweeps of a wrong sign are missed,
-#: without them 46; of 1434 sweeps of the right sign none is named.
+#: have it: no noise turns a phase so far. Of 2203 sweeps with phases of the wrong sign, 3 go unnoticed with this and
+#: ``CERTAIN_BESIDE``, and 46 without; none of 1434 sweeps with the right sign is taken for one of the wrong sign.
 CERTAIN_AT_PEAK = 0.7
 CERTAIN_BESIDE = 2.0  #: standard errors that suffice for the kind that other sweeps of the record certainly have
 
