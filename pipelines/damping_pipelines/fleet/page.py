@@ -14,7 +14,15 @@ from damping.arrays import FloatArray
 from damping.plots import AVERAGE, BESIDE, LINEAR, MUTED, PREDICTIVE, build_panel, draw_plain_rows, styled, to_svg
 from damping.plots.fits import draw_law_bars
 from damping.ranking.verdict import MISFITS
-from damping.report import count, format_joined, format_percent, format_percent_ratio, format_share, format_signed, number
+from damping.report import (
+    count,
+    format_joined,
+    format_percent,
+    format_percent_ratio,
+    format_share,
+    format_signed,
+    number,
+)
 from damping.report.page import Block, Facts, FigureBlock, Footer, Link, Table, render_page, write_sections
 from damping_pipelines.fleet.dataset import MULTIPLES, FleetSettings
 
