@@ -94,6 +94,25 @@ def test_readings_of_few_digits_have_them_in_another_unit():
     assert find_ceiling(q * 1e-3, np.ones(len(f))) is None
 
 
+@pytest.mark.parametrize("factor", [1e-3, 1e-3 / 0.0254, 2.0**0.5, 9.80665 / (2.0 * np.pi * 20.0) ** 2])
+@pytest.mark.parametrize(("digits", "rows"), [(2, 41), (3, 401)])
+@pytest.mark.parametrize("written", [6, 17])
+def test_readings_of_few_digits_have_no_ceiling_in_any_unit(factor, digits, rows, written):
+    """Four or more rows share the largest reading; a sensor that clips finer readings there is still found."""
+    f = np.linspace(18.5, 21.5, rows)
+    q = 1.3 / np.abs(1.0 - (f / 20.0) ** 2 + 0.1j * (f / 20.0)) * 0.1
+
+    def convert(values, digits):
+        few = [float(f"{value:.{digits - 1}e}") for value in values]
+        return np.array([float(f"{value * factor:.{written - 1}e}") for value in few])
+
+    rounded = convert(q, digits)
+    assert np.count_nonzero(rounded == rounded.max()) >= 4
+    assert find_ceiling(rounded, np.ones(rows)) is None
+    clipped = convert(np.minimum(q, 0.9 * q.max()), 6)
+    assert find_ceiling(clipped, np.ones(rows)) == pytest.approx(0.9 * q.max() * factor, rel=1e-5)  # six digits
+
+
 #: Every law on a straight spring, and two on one that bends to either side; ``make slow``: every law on every spring.
 TOPS = [
     pytest.param(law, bend, marks=[pytest.mark.slow] * (bend != 0.0 and law not in ("viscous", "slip")))

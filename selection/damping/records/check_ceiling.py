@@ -124,6 +124,11 @@ STEADY = 0.05  #: a force that varies by more, relative, belongs to a sweep with
 DIGITS = 6  #: a table of this many digits or more is rounded to less than any noise
 ROUNDED = 1e-12  #: relative difference of readings that arithmetic leaves: some 1e-16 for each change of unit
 LAST_DIGIT = 10.0 ** (1 - DIGITS)  #: amplitudes of complex values of that many digits agree to this
+FEW_DIGITS = (10, 100)  #: first number of two and of three digits: a top of four rows rarely is one in four digits
+MOST_READ = (
+    2000  #: largest readings that are looked at, so that dense sweeps take no longer: three digits have 900 a decade
+)
+BY_CHANCE = 1e-6  #: largest chance that arbitrary readings are multiples of some step
 SMOOTH = 1.5  #: a top is round if rows within four times a distance below it exceed those within it by this: parabola 2
 AS_LINEAR = 0.1  #: largest misfit of the wings by a parabola, and its largest shortfall at the top: a mode, not a stop
 
@@ -168,20 +173,41 @@ def find_ceiling(written: FloatArray, F: FloatArray, *, per_force: bool = False)
     if near.sum() < FEWEST_FLAT or np.sum(below > FLAT) < FEWEST_BESIDE or beside >= SMOOTH * near.sum():
         return None
     steady = np.ptp(F[near]) <= STEADY * F[near].max()
-    return top if steady and count_digits(written) == DIGITS else None
+    fine = count_digits(written) == DIGITS and _find_few_digits(written) is None
+    return top if steady and fine else None
 
 
 def find_resolution(A: FloatArray) -> float:
     """Resolution of the largest readings: the least difference of any two, or one unit of their last digit."""
     steps = np.diff(np.unique(A))
     least = float(steps.min()) if len(steps) else float(A.max())
-    return float(max(least, 10.0 ** (np.floor(np.log10(A.max())) - count_digits(A) + 1)))
+    if (digits := count_digits(A)) == DIGITS and (step := _find_few_digits(A)) is not None:
+        return step
+    return float(max(least, 10.0 ** (np.floor(np.log10(A.max())) - digits + 1)))
 
 
 def count_digits(A: FloatArray) -> int:
     """Digits that represent all readings (n,), at most ``DIGITS``; 1.23 mm times .001 is 0.00123 but for rounding."""
     written = ((n, (float(f"{a:.{n - 1}e}") for a in A.tolist())) for n in range(1, DIGITS))
     return next((n for n, short in written if all(map(partial(isclose, rel_tol=ROUNDED), short, A.tolist()))), DIGITS)
+
+
+def _find_few_digits(A: FloatArray) -> float | None:
+    """Step of the largest readings (n,) if they had two or three digits in a unit of any size; else None.
+
+    Steps are ten times finer in the next lower decade, unlike those of a converter.
+    """
+    x = np.unique(A / A.max())[-MOST_READ:-1]
+    for lowest in FEW_DIGITS:
+        steps = np.arange(lowest, 10 * lowest)[:, np.newaxis]  # in the largest reading
+        error = LAST_DIGIT * steps
+        upper = steps * x > lowest - error
+        whole, tenths = (np.abs(m * steps * x - np.round(m * steps * x)) < m * error for m in (1.0, 10.0))
+        chance = np.log(steps[:, 0]) + upper.sum(axis=1) * np.log(2.0 * error[:, 0])
+        written = np.all(np.where(upper, whole, tenths), axis=1) & np.any(~whole, axis=1)
+        if np.any(found := written & (chance < np.log(BY_CHANCE))):
+            return float(A.max() / steps[found][0, 0])
+    return None
 
 
 def _report_flat_tops(flat: list[Run]) -> Finding:
