@@ -23,6 +23,7 @@ from damping.campaign.responses import Forecast, add_responses, describe_turned,
 from damping.campaign.runs import CampaignRun, Corrections, DesignLevel
 from damping.campaign.sensors import check_drives, describe_shares
 from damping.campaign.sources import read_runs
+from damping.campaign.unbend import unbend
 from damping.campaign.values import At
 from damping.errors import InputError
 from damping.extrapolation.curve import trace_loads
@@ -123,6 +124,7 @@ def _answer_sweeps(
     highest = tuple(float(level.level.max()) for level in inputs)
     check_drives(runs, trusted)
     levels, misread = fit_right_levels(runs, frequencies, trusted)
+    levels = unbend(levels)
     tied = join_modes(levels, {**runs[0].left_out, **misread}, frequencies)
     summary.notes.extend([*describe_shares(levels, trusted), *describe_lost(levels, tied, frequencies)])
     summary.notes.extend(f"caution: {mode.mode.name}: {text}" for mode in tied for text in mode.cautions)
