@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from damping.campaign.answer import Campaign, ModeAnswer, PredictedMode, bound_ratio, predict_at, predict_mode
+from damping.campaign.bends import unbend
 from damping.campaign.comparison import EarlierCampaign, compare_predictions, describe_changes
 from damping.campaign.decays import answer_decays
 from damping.campaign.delays import describe_delay, measure_delay
@@ -23,7 +24,6 @@ from damping.campaign.responses import Forecast, add_responses, describe_turned,
 from damping.campaign.runs import CampaignRun, Corrections, DesignLevel
 from damping.campaign.sensors import check_drives, describe_shares
 from damping.campaign.sources import read_runs
-from damping.campaign.unbend import unbend
 from damping.campaign.values import At
 from damping.errors import InputError
 from damping.extrapolation.curve import trace_loads
