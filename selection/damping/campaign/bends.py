@@ -38,7 +38,7 @@ _SMALLEST = 1e-9  # motion over the largest that is told from 0
 
 
 @dataclass(frozen=True)
-class _Band:
+class _BandRows:
     """Rows of all levels about a mode: frequencies and the drive (n,), H and its noise (sensors, n)."""
 
     level: FloatArray  #: 1 at the rows of a level (n, levels)
@@ -52,7 +52,7 @@ class _Band:
 
 
 @dataclass(frozen=True)
-class _Balance:
+class _BentMotion:
     """The motion p (n,) by which K and L have one value at an amplitude; ``pays``: see ``PAYS``."""
 
     p: ComplexArray
@@ -114,7 +114,7 @@ def _find_residues(levels: Sequence[Level], k: int, usable: BoolArray) -> tuple[
     return coefficients, sd
 
 
-def _join_rows(levels: Sequence[Level], k: int) -> _Band:
+def _join_rows(levels: Sequence[Level], k: int) -> _BandRows:
     """Rows of all levels within ``WIDE`` of mode ``k``, and in the band of its cluster."""
     parts = []
     for level in levels:
@@ -128,10 +128,10 @@ def _join_rows(levels: Sequence[Level], k: int) -> _Band:
     f, drive, H, sd, columns = (np.concatenate(of, axis=-1) for of in zip(*parts, strict=True))
     least = RELATIVE / max(float(level.fit.noise[0]) for level in levels)
     of_level = np.repeat(np.eye(len(parts)), [len(part[0]) for part in parts], axis=0)
-    return _Band(of_level, f, drive, H, sd, columns.T, levels[0].fit.sign, least**2)
+    return _BandRows(of_level, f, drive, H, sd, columns.T, levels[0].fit.sign, least**2)
 
 
-def _balance(band: _Band, p: ComplexArray, error: FloatArray) -> _Balance:
+def _balance(band: _BandRows, p: ComplexArray, error: FloatArray) -> _BentMotion:
     """The motion p (n,) of standard error ``error`` less a share of the background and scaled.
 
     K - w^2 + i w L = sign w^2 s/(p - a - b w^2), with s, a and b such that splines of ln A leave least.
@@ -162,7 +162,7 @@ def _balance(band: _Band, p: ComplexArray, error: FloatArray) -> _Balance:
     mean = max(2.0 * optimum.cost / freedom, band.least)
     jacobian = np.asarray(optimum.jac)
     sd = float(np.sqrt(mean * np.linalg.pinv(jacobian.T @ jacobian)[0, 0]))
-    return _Balance(move(optimum.x), float(optimum.x[0]), sd, (before - 2.0 * optimum.cost) / mean)
+    return _BentMotion(move(optimum.x), float(optimum.x[0]), sd, (before - 2.0 * optimum.cost) / mean)
 
 
 def _list_splines(A: FloatArray) -> FloatArray:
