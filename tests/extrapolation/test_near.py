@@ -298,6 +298,7 @@ def test_two_levels_allow_half_as_much_again_and_no_more():
     assert all(np.isnan(band.high[1]) for band in loads.by_model)
     assert all(np.isnan(part[1]) for part in loads.parts.values())
     assert loads.cautions[1][0].startswith("no prediction beyond the force 3: fewer than 3 levels")
+    assert "add one (runs at one force, as where a notch lowers one to another, are one level)" in loads.cautions[1][0]
     assert loads.limit == plan.limit
     assert replace(plan, units=Units(force="N")).described_limit == "force 3 N"
 

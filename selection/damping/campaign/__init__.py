@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from damping.campaign.answer import Campaign, ModeAnswer, PredictedMode, bound_ratio, predict_at, predict_mode
+from damping.campaign.bends import unbend
 from damping.campaign.comparison import EarlierCampaign, compare_predictions, describe_changes
 from damping.campaign.decays import answer_decays
 from damping.campaign.delays import describe_delay, measure_delay
@@ -123,6 +124,7 @@ def _answer_sweeps(
     highest = tuple(float(level.level.max()) for level in inputs)
     check_drives(runs, trusted)
     levels, misread = fit_right_levels(runs, frequencies, trusted)
+    levels = unbend(levels)
     tied = join_modes(levels, {**runs[0].left_out, **misread}, frequencies)
     summary.notes.extend([*describe_shares(levels, trusted), *describe_lost(levels, tied, frequencies)])
     summary.notes.extend(f"caution: {mode.mode.name}: {text}" for mode in tied for text in mode.cautions)

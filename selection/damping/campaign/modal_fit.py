@@ -37,12 +37,13 @@ OTHER_SHAPE = 0.8
 LEAST_T = 8.0  #: least residue of a mode at one sensor, in standard errors
 SMALLEST_RATIO = 1e-5  #: least damping ratio of a mode
 LARGEST_RATIO = 0.2  #: largest damping ratio of a mode
+CONTROLLED = 0.1  #: a drive whose readings range over less than this share of their median is controlled to be constant
 FEWEST_ROWS = 5  #: fewest rows in which a peak can be found
 _FLOOR = 8.0  #: least motion of a peak, over the noise
 _PASSES = 3  # over all clusters
 _MEDIAN = 0.693  # over the mean, of an exponential variable
 _CLASSES = 12  # of |H|, for the noise against |H|: two parameters, and some rows in each class of a short sweep
-_RELATIVE = 1e-3  # least noise over |H|: no sensor is calibrated better
+RELATIVE = 1e-3  #: least noise over |H|: no sensor is calibrated better
 _CONSTANT = 0.05  # least square of the constant noise over the residuals' at the smallest |H|, of which it has the most
 _SMALL = 0.1  # quantile of residuals that stands for those
 _LARGEST_FRICTION = 0.85  #: largest share of friction: with more, a level hardly moves
@@ -86,6 +87,17 @@ class Level:
     fit: ModalFit
     third: ComplexArray | None = None  #: third harmonics per unit of drive, if tracked (sensors, n)
     name: str = ""  #: label in records, the level, unique for each of several runs at one level
+
+    @property
+    def steady_drive(self) -> FloatArray:
+        """The drive (n,), see `hold_steady`."""
+        return hold_steady(self.drive)
+
+
+def hold_steady(drive: FloatArray) -> FloatArray:
+    """The drive (n,); its median if it is controlled, as its scatter is then that of the readings."""
+    middle = np.median(drive)
+    return np.full_like(drive, middle) if np.ptp(drive) < CONTROLLED * middle else drive
 
 
 def find_peaks_of(f: FloatArray, H: ComplexArray, sign: float = 1.0) -> list[float]:
@@ -131,7 +143,7 @@ def fit_level(
     """
     frequency = np.array(sorted(starts), dtype=float)
     ratio = np.array(ratios, dtype=float) if len(ratios) else np.array([_width(f, H, at) for at in frequency])
-    driven = np.array([f, np.broadcast_to(drive, f.shape)])
+    driven = np.array([f, hold_steady(np.broadcast_to(drive, f.shape))])
     poles = Poles(frequency, ratio, np.full(len(frequency), 0.2), np.zeros(len(frequency)), sign, driven)
     noise = np.array([0.01, 0.01 * float(np.median(np.abs(H)))])
     # clusters of the starting frequencies: a gap of about CLUSTER may open or close during the fit
@@ -218,7 +230,7 @@ def _estimate_noise(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatAr
     design = np.column_stack([means, np.ones_like(means)]) * weight[:, None]
     squares_of_noise = np.linalg.lstsq(design, levels * weight, rcond=None)[0]
     constant = max(squares_of_noise[1], _CONSTANT * np.quantile(levels, _SMALL), 1e-20)
-    return np.sqrt([max(squares_of_noise[0], _RELATIVE**2), constant])
+    return np.sqrt([max(squares_of_noise[0], RELATIVE**2), constant])
 
 
 def _complete_fit(f: FloatArray, H: ComplexArray, poles: Poles, noise: FloatArray) -> ModalFit:

@@ -30,7 +30,6 @@ from damping.records.text import name_apart
 WRITTEN = 1.5  #: rows with |cot phase| up to this are written
 MOST_ROWS = 21  #: most rows of a level
 FEWEST_ROWS = 3  #: fewest rows of a level
-CONTROLLED = 0.1  #: a drive whose readings range over less than this share of their median is controlled to be constant
 # the reasons that leave a sensor out of one mode alone: the noise hides it at some level, or the levels contradict
 _UNSEEN = "it has no peak at this resonance"
 _UNSTEADY = "its share of this resonance scatters from level to level"
@@ -72,7 +71,7 @@ def fit_levels(runs: Sequence[CampaignRun], frequencies: Sequence[float] = ()) -
 
     def fit(k: int, starts: Sequence[float], ratios: Sequence[float] = ()) -> ModalFit:
         f, H, drive = motions[k]
-        return fit_level(f, H, starts, sign, ratios, _hold_steady(drive))
+        return fit_level(f, H, starts, sign, ratios, drive)
 
     first, starts = (0, frequencies) if len(frequencies) else _choose_first(motions, runs[0].label, sign)
     fits = {first: fit(first, starts)}
@@ -261,7 +260,7 @@ def _tabulate(level: Level, k: int, residues: FloatArray, reference: int) -> pd.
 
     p = average(level.fit.rest(f, H, k))
     error = 1.0 / np.sqrt(np.sum((r / sd) ** 2, axis=0)) / np.abs(p)
-    drive, w, share = _hold_steady(level.drive[rows]), 2.0 * pi * f, abs(residues[reference])
+    drive, w, share = level.steady_drive[rows], 2.0 * pi * f, abs(residues[reference])
     amplitude = share * np.abs(p) * drive / w**2
     columns: dict[str, Any] = {
         "sweep": level.name,
@@ -280,12 +279,6 @@ def _tabulate(level: Level, k: int, residues: FloatArray, reference: int) -> pd.
         # cos(3 theta + a) = -sin(3 w t + a) where the drive is cos(theta) = sin(w t)
         columns["phase_3"] = np.angle(-np.conj(p * level.fit.sign))
     return pd.DataFrame(columns)
-
-
-def _hold_steady(drive: FloatArray) -> FloatArray:
-    """The drive (n,); its median if it is controlled, as its scatter is then that of the readings."""
-    middle = np.median(drive)
-    return np.full_like(drive, middle) if np.ptp(drive) < CONTROLLED * middle else drive
 
 
 def _rows_near(level: Level, k: int) -> np.ndarray:

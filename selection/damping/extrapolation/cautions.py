@@ -91,7 +91,8 @@ def _list_plan_cautions(force: float, plan: Plan, *, banded: bool) -> list[str]:
         )
     if not plan.allows(force):
         few = f"fewer than {ENOUGH_LEVELS} levels do not show how damping continues"
-        cautions.append(f"{REFUSAL} beyond the {plan.described_limit}: {few}")
+        more = "add one (runs at one force, as where a notch lowers one to another, are one level)"
+        cautions.append(f"{REFUSAL} beyond the {plan.described_limit}: {few}; {more}")
     elif p.falling or (p.rising and p.p[-1] > p.p[0]):
         way = "falling" if p.falling else "rising"
         ends = f": damping may stop growing{allowed}" if p.falling else ""
