@@ -4,6 +4,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 # Compiled once, when first imported: of what is installed half is never, and each process that starts needs the rest.
 unexport PYTHONDONTWRITEBYTECODE
+# Which of the slow tests: .ci/run names fewer.
+SLOW := slow
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt --editable
 
 .PHONY: help study test slow coverage guard speed lint types docs package lowest bench clean
@@ -47,7 +49,7 @@ test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist loadgroup
 
 slow: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest --numprocesses auto --dist loadgroup -m slow
+	$(BIN)/python -m pytest --numprocesses auto --dist loadgroup -m "$(SLOW)"
 
 # Python 3.12 and later count lines at next to no cost (sysmon); 3.11 traces, several times as long.
 coverage: $(VENV)/.installed-dev

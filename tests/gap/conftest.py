@@ -161,7 +161,7 @@ def no_folds(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("damping.gap.size.hold_levels_out", lambda *_: None)
 
 
-@pytest.fixture(params=["few", pytest.param("all", marks=pytest.mark.slow)])
+@pytest.fixture(params=["few", pytest.param("all", marks=[pytest.mark.slow, pytest.mark.whole])])
 def among(request: pytest.FixtureRequest) -> Callable[..., dict[str, Effect]]:
     """``among(*names)``: effects of every kind and those named, from which a cause is told; ``make slow``: from all.
 

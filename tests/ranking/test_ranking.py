@@ -314,7 +314,7 @@ def swept_misfit(swept):
     return lambda share, noise: swept(Waving(0.3, share), np.geomspace(1.0, 6.0, 5), noise=noise)
 
 
-@pytest.fixture(params=["few", pytest.param("all", marks=pytest.mark.slow)])
+@pytest.fixture(params=["few", pytest.param("all", marks=[pytest.mark.slow, pytest.mark.whole])])
 def laws(request) -> list[Law]:
     """Each force alone and beside a viscous one, for verdicts that do not hang on sums of three; ``make slow``: all."""
     every = candidate_laws()
